@@ -16,15 +16,10 @@ from matplotlib.text import Text
 
 from damperfit.adjustment.force_at import Stage
 from damperfit.checks import Check
-from damperfit.comparison.comparing import (
-    ComparisonOptions,
-    circumstances,
-    compare_runs,
-    difference_of,
-    surely_different,
-    verdict_of,
-)
-from damperfit.comparison.comparing import compared as line_of
+from damperfit.comparison.circumstances import circumstances
+from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.comparison.differences import compared as line_of
+from damperfit.comparison.differences import difference_of, surely_different, verdict_of
 from damperfit.comparison.measured import Reading, Topic
 from damperfit.comparison.tolerance import Point, parse_tolerance, tolerated
 from damperfit.damper.model import model_named

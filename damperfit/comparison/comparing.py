@@ -17,8 +17,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from statistics import fmean, median, stdev
-from typing import TYPE_CHECKING, Any, NamedTuple
+from statistics import fmean, stdev
+from typing import TYPE_CHECKING, Any
 
 from damperfit.adjustment.force_at import (
     REPEATS,
@@ -28,20 +28,33 @@ from damperfit.adjustment.force_at import (
     named_speeds,
     offsets_in_words,
 )
+from damperfit.comparison.circumstances import (
+    Circumstance,
+    circumstances,
+    gas_force,
+    inputs_of,
+    settings_of,
+)
+from damperfit.comparison.differences import (
+    DIFFERENT,
+    SAME,
+    Difference,
+    compared,
+    outcome_of,
+    surely_different,
+)
 from damperfit.comparison.measured import (
     SAME_MOTION,
     Reading,
     Topic,
     measured_readings,
-    reach_of,
     repeat_scatter,
-    tests_at,
     zero_shift,
 )
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.identification.outcome import Status
 from damperfit.identification.sharing import listed_settings, of_settings
-from damperfit.problem import Failure, Problem, counted, distinct, listed_names, note
+from damperfit.problem import Failure, Problem, counted, distinct, note
 from damperfit.statistics import NORMAL_95
 from damperfit.units.shown_units import SI, ShownUnits
 
@@ -53,10 +66,6 @@ if TYPE_CHECKING:
 
     Readings = dict[Topic, Reading]
 
-# "Same" is said only where a difference of so much of the damping, or of the value, would be seen.
-SEEN = 0.05
-_LEVEL = 0.05  # of all verdicts of a comparison together
-_MOST_LOG = 700.0  # beyond it exp overflows
 _EACH, _CONSTANT = "the motion of each test", "constant speed"
 _KINDS = ("measured", "force", "parameter", "figure")
 _FEW_REPEATS = 3  # fewer show little of a scatter
@@ -66,183 +75,6 @@ _OBJECTIONS = {
     Status.ABSENT.value: "the model is fitted without it there",
 }
 _ONCE = {Status.SHARED.value, Status.FIXED.value, Status.NOT_IDENTIFIABLE.value}
-
-
-# Two numbers beside each other
-
-SAME, DIFFERENT, UNDETERMINED = "same", "different", "undetermined"  # verdicts, for scripts
-
-
-class Difference(NamedTuple):
-    """Two readings of one subject, the second beside the first (of the reference)."""
-
-    subject: Topic
-    first: Reading
-    second: Reading
-    low: float = math.nan  # 95 % interval of the difference; NaN where no error is known
-    high: float = math.nan
-    # The same in per cent, for a force of the reference's damping: positive is harder; for a
-    # hysteresis of half the force's range. NaN where there is nothing to take it of.
-    percent: float = math.nan
-    percent_low: float = math.nan
-    percent_high: float = math.nan
-    chance: float = math.nan  # how often chance alone makes a difference as large; NaN: not known
-    verdict: str = UNDETERMINED  # at 95 %, each line by itself
-    reason: str = ""  # why nothing can be said
-    is_sure: bool = False  # different also when it is remembered how many lines there are
-    words: str = ""  # the verdict, where the subject has words of its own
-
-    @property
-    def difference(self) -> float:
-        """Second less first."""
-        return self.second.value - self.first.value
-
-    @property
-    def is_measured(self) -> bool:
-        """Whether measured numbers are compared."""
-        return self.first.is_measured and self.second.is_measured
-
-
-def compared(
-    subject: Topic, first: Reading, second: Reading, *, is_same_motion: bool = False
-) -> Difference:
-    """Return the difference of two readings; of one model and motion, common misfit cancels."""
-    a, b = first.value, second.value
-    reason = first.objection or second.objection
-    if not (math.isfinite(a) and math.isfinite(b)):
-        return Difference(subject, first, second, reason=reason or "not known for both")
-    is_log = subject.is_logarithmic and a > 0.0 and b > 0.0
-    units = (a, b) if is_log else (1.0, 1.0)
-    misfits = [reading.misfit / unit for reading, unit in zip((first, second), units, strict=True)]
-    misfit, miss_change = math.hypot(*misfits), second.misses - first.misses
-    if first.is_measured and second.is_measured:
-        misfit = 0.0
-    elif is_same_motion and any(misfits) and math.isnan(miss_change):
-        misfit = abs(misfits[1] - misfits[0])
-    elif is_same_motion and any(misfits):
-        noise = (r.misses_error for r in (first, second) if math.isfinite(r.misses_error))
-        misfit = math.sqrt(max(miss_change**2 - sum(error**2 for error in noise), 0.0))
-    second_errors = [*second.errors(1.0 / units[1]), (misfit, math.inf)]
-    errors = [*first.errors(1.0 / units[0]), *second_errors]
-    step = math.log(b / a) if is_log else b - a
-    reach, chance = reach_of(errors, step)
-    if is_log:
-        percent = 100.0 * (b / a - 1.0)
-        low, high = (math.exp(min(log, _MOST_LOG)) - 1.0 for log in (step - reach, step + reach))
-        share = reach
-        numbers = (a * low, a * high, percent, 100.0 * low, 100.0 * high)
-    else:
-        scale = first.scale if math.isfinite(first.scale) else a
-        percent = share = math.nan
-        if scale:
-            # The first number is the denominator too: its error counts 1 + share times.
-            percent = 100.0 * step / scale
-            share = reach_of([*first.errors(1.0 + step / scale), *second_errors])[0] / abs(scale)
-        if subject.kind == "parameter":  # an offset may pass zero: per cent of it say nothing
-            percent = math.nan
-        limits = (percent - 100.0 * share, percent + 100.0 * share)
-        numbers = (step - reach, step + reach, percent, *limits)
-    verdict = UNDETERMINED
-    if not reason and not math.isfinite(reach):
-        reason = "no errors are known"
-    elif not reason and abs(step) > reach:
-        verdict = DIFFERENT
-    elif not reason and share > SEEN:
-        # At its passage through zero a force has no per cent to speak of: newtons say it.
-        size = f"{reach:.2g} {subject.unit}" if math.isnan(percent) else f"{100.0 * share:.2g} %"
-        reason = f"a difference of {size} would go unnoticed"
-    elif not reason:
-        verdict = SAME
-    return Difference(subject, first, second, *numbers, chance, verdict, reason)
-
-
-def surely_different(lines: Sequence[Difference]) -> tuple[Difference, ...]:
-    """Return the lines with `Difference.is_sure` set, by Holm's procedure over all of them.
-
-    Among many lines one in twenty differs by chance. What is left here is so in one comparison of
-    twenty, however the lines are correlated.
-    """
-    chances = sorted(line.chance for line in lines if math.isfinite(line.chance))
-    limit = -1.0  # the largest chance of those that are sure
-    for rank, chance in enumerate(chances):
-        if chance > _LEVEL / (len(chances) - rank):
-            break
-        limit = chance
-    return tuple(
-        line._replace(is_sure=line.chance <= limit and line.verdict == DIFFERENT) for line in lines
-    )
-
-
-# Lines in words: what differs, by how much, or why nothing can be said.
-
-
-def outcome_of(lines: Sequence[Difference], words: str, units: ShownUnits = SI) -> str:
-    """Say how many differ, which most, and what chance would do."""
-    n_measured = sum(line.is_measured for line in lines) if lines[0].subject.kind == "force" else 0
-    if n_measured:
-        share = f" ({n_measured} of {len(lines)} as measured)"
-        words += " as measured" if n_measured == len(lines) else share
-    clear, n = [line for line in lines if line.verdict != UNDETERMINED], len(lines)
-    if not clear:
-        return f"{words}: cannot be determined ({lines[0].reason})"
-    different = [line for line in clear if line.verdict == DIFFERENT]
-    sure = [line for line in different if line.is_sure]
-    unclear = f"; {n - len(clear)} cannot be determined" if n > len(clear) else ""
-    if not different:
-        which = f"{len(clear)} of {n}" if unclear else f"all {n}"
-        return f"{words}: {which} the same within errors{unclear}"
-    if not sure:
-        return (
-            f"{words}: no significant difference: {len(different)} of {n} lie outside "
-            f"their 95 % interval, where chance alone puts {0.05 * len(clear):.2g}{unclear}"
-        )
-    worst = max(
-        sure, key=lambda line: abs(line.difference if math.isnan(line.percent) else line.percent)
-    )
-    how_many = "all" if len(sure) == len(different) else str(len(sure))
-    return (
-        f"{words}: {len(different)} of {n} differ, {how_many} of them significantly; most "
-        f"{worst.subject.place(units)}: {difference_of(worst, units)}{unclear}"
-    )
-
-
-def difference_of(line: Difference, units: ShownUnits = SI) -> str:
-    """Say how large a difference is, with its interval."""
-    unit = line.subject.unit
-    if math.isnan(line.percent):
-        text = units.write(line.difference, unit, "+.4g")
-        low, high = (units.show(end, unit) for end in (line.low, line.high))
-        return f"{text} ({low:+.3g} to {high:+.3g})" if math.isfinite(low) else text
-    text = f"{line.percent:+.2f} %"
-    if math.isfinite(line.percent_low):
-        text += f" ({line.percent_low:+.2f} to {line.percent_high:+.2f} %)"
-    if line.subject.kind == "force":
-        form = "+.1f" if units.of("N") == "N" else "+.3g"
-        text += f", {units.write(line.difference, 'N', form)}"
-    return text
-
-
-def verdict_of(line: Difference, units: ShownUnits = SI, *, says_measured: bool = True) -> str:
-    """Say the verdict of a line in words, and of a force whether it was measured."""
-    subject, a, b = line.subject, line.first.value, line.second.value
-    text = line.words or "same within errors"
-    if not line.words and line.verdict == UNDETERMINED:
-        text = f"cannot be determined: {line.reason}"
-    elif not line.words and line.verdict == DIFFERENT:
-        if subject.name.startswith("hysteresis") and a * b > 0.0:
-            # Its sign is the way round the loop: -54 N after -57 N is a narrower loop.
-            size = units.write(abs(abs(b) - abs(a)), subject.unit, ".2g")
-            change = f"the loop is {size} {'wider' if abs(b) > abs(a) else 'narrower'}"
-        elif math.isnan(line.percent):
-            size = units.write(abs(line.difference), subject.unit, ".3g")
-            change = f"{size} {'more' if line.difference > 0.0 else 'less'}"
-        else:
-            words = ("softer", "harder") if subject.kind == "force" else ("less", "more")
-            two_digits = f"{float(f'{abs(line.percent):.2g}'):.15g}"  # without a power of ten
-            change = f"{two_digits} % {words[line.percent > 0.0]}"
-        text = f"different{'' if line.is_sure else ', perhaps by chance'}: {change}"
-    is_marked = says_measured and subject.kind == "force" and line.is_measured
-    return f"{text} (measured)" if is_marked else text
 
 
 # Two runs
@@ -258,15 +90,6 @@ class ComparisonOptions:
     is_measured: bool = False  # measured curves alone, without a model
     jobs: int = 1  # threads
     units: ShownUnits = SI  # of forces and speeds in sentences; every number stays SI
-
-
-class Circumstance(NamedTuple):
-    """One thing that two runs differ in, or have in common, with the value of each."""
-
-    kind: str  # logs, identity, settings, model, damper, gas, motion, temperature, rig, filter, ...
-    first: str
-    second: str
-    sentence: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -380,7 +203,7 @@ def compare_runs(
             code="nothing-in-common",
         )
     # Where the declared gas differs, it is known what shifts the forces.
-    is_other_gas = not is_bare and len(set(map(_gas_force, runs))) > 1
+    is_other_gas = not is_bare and len(set(map(gas_force, runs))) > 1
     shifts = [(0.0, 0.0) if is_other_gas else zero_shift(first, run, settings) for run in runs]
     bare = set() if is_bare else known_tares(runs, settings)
     *references, other = (
@@ -416,13 +239,6 @@ def compare_runs(
     return replace(comparison, notes=tuple(_notes(comparison, runs, tables, shifts)))
 
 
-def settings_of(run: Run, *, is_bare: bool) -> tuple[Setting, ...]:
-    """Return the settings that were measured, or those that have parameters."""
-    if is_bare:
-        return tuple(sorted({test.setting for test in run.tests}))
-    return tuple(stage.setting for stage in run.settings)
-
-
 def _speeds_reached(runs: Sequence[Run], options: ComparisonOptions) -> tuple[float, ...]:
     """The speeds that were asked for, else the named ones that the sine or all tests reach."""
     top = min(run.motion.peak_speed for run in runs)
@@ -453,7 +269,7 @@ def _unshifted(table: Readings, bare: set[Setting], shift: float, error: float) 
 def _has_one_set_of_logs(runs: Sequence[Run], setting: Setting) -> bool:
     """Whether all have the same logs of a setting, byte for byte."""
     digests, *others = (
-        {digest for digest, log in _inputs(run) if log["setting"] == setting.cell} for run in runs
+        {digest for digest, log in inputs_of(run) if log["setting"] == setting.cell} for run in runs
     )
     return bool(digests) and all(other == digests for other in others)
 
@@ -541,12 +357,6 @@ def known_tares(runs: Sequence[Run], settings: Sequence[Setting]) -> set[Setting
 def _knows_gas(run: Run) -> bool:
     """Without a gas of its own a model holds the gas force in its offset."""
     return run.damper.rest_force(0.0) is not None
-
-
-def _gas_force(run: Run) -> float:
-    """Return the force of the declared gas at mid-stroke, N, to nine digits; NaN: none is known."""
-    force = run.damper.rest_force(0.0)
-    return math.nan if force is None else float(f"{float(force):.9g}")
 
 
 def freedom_of(run: Run, setting: Setting) -> float:
@@ -688,7 +498,7 @@ def _notes(  # noqa: C901, PLR0912 - all that was compared, one thing after the 
                 )
                 yield note("model-misses", text, run.name)
         reason = "they show how the tests differ and say nothing about the models"
-        if not dict(_inputs(runs[0])).keys().isdisjoint(dict(_inputs(runs[-1]))):
+        if not dict(inputs_of(runs[0])).keys().isdisjoint(dict(inputs_of(runs[-1]))):
             reason = "both are based on the same logs, so this says nothing about the models"
         where_measured = of_settings(filter(None, measured))
         text = "at {settings} the measured forces of both are compared: {why}"
@@ -730,168 +540,3 @@ def _own_notes(run: Run, *, is_bare: bool) -> Iterator[Problem]:
             "repeats): it is not in the errors of forces"
         )
         yield note("no-misfit", text)
-
-
-# What two runs differ in besides their numbers
-
-_TEMPERATURES_DIFFER = 2.0  # degC; forces fall as the oil thins
-_WHOSE = ("damper", "serial", "customer", "operator", "date", "rig")
-# Keys of the run's configuration, with words for people, that change what comes of the same logs.
-_HOW = {
-    ("rig", "filter"): ("filter", "filter in the rig"),
-    ("rig", "filter_corner"): ("filter", "corner of the filter in the rig"),
-    ("rig", "filter_order"): ("filter", "order of the filter in the rig"),
-    ("rig", "centre"): ("rig", "x = 0"),
-    ("rig", "skew"): ("rig", "declared delay of the force"),
-    ("conditioning", "filter"): ("filter", "damperfit's filter"),
-    ("conditioning", "filter_corner"): ("filter", "corner of damperfit's filter"),
-    ("conditioning", "filter_order"): ("filter", "order of damperfit's filter"),
-    ("identification", "procedure"): ("procedure", "procedure"),
-    ("identification", "free"): ("procedure", "free parameters"),
-    ("identification", "fix"): ("procedure", "held parameters"),
-    ("identification", "share"): ("procedure", "shared parameters"),
-    ("identification", "bulk_modulus"): ("procedure", "bulk modulus"),
-}
-# Kinds of what differs, what matters most first.
-_ORDER = (
-    *("logs", "rig", "identity", "settings", "model", "damper", "gas", "motion", "temperature"),
-    *("filter", "procedure", "version"),
-)
-
-
-def circumstances(
-    first: Run, second: Run, units: ShownUnits = SI, *, is_bare: bool = False
-) -> tuple[Circumstance, ...]:
-    """Return what two runs differ in, what matters most first; is_bare: measured curves alone."""
-    runs = (first, second)
-    listed = [*_of_logs(first, second)]
-
-    def differs(kind: str, name: str, a: str, b: str, consequence: str = "") -> None:
-        listed.append(Circumstance(kind, a, b, f"{name}: {a}, then {b}{consequence}"))
-
-    of_one_model = not is_bare and first.damper.name == second.damper.name
-    facts, other_facts = (
-        {
-            name: fact
-            for name, *fact in _facts(run, units, is_bare=is_bare, of_one_model=of_one_model)
-        }
-        for run in runs
-    )
-    for name, (kind, text, consequence) in facts.items():
-        if name in other_facts and other_facts[name][1] != text:
-            differs(kind, name, text, other_facts[name][1], consequence)
-    tested = [settings_of(run, is_bare=is_bare) for run in runs]
-    alone = [[setting for setting in tested[k] if setting not in tested[1 - k]] for k in (0, 1)]
-    for run, settings in zip(runs, alone, strict=True):
-        if settings:
-            sentence = f"{of_settings(settings)} only in {run.name}: not compared"
-            a, b = map(listed_settings, alone)
-            listed.append(Circumstance("settings", a, b, sentence))
-    common = [setting for setting in tested[0] if setting in tested[1]]
-    motions = [
-        [(test.amplitude, test.frequency) for s in common for test in tests_at(run, s)[:1]]
-        for run in runs
-    ]
-    if not all(motions) and not is_bare:
-        motions = [[(run.motion.amplitude, run.motion.frequency)] for run in runs]
-    if all(motions):
-        medians = [list(map(median, zip(*of_run, strict=True))) for of_run in motions]
-        if any(abs(b / a - 1.0) > SAME_MOTION for a, b in zip(*medians, strict=True)):
-            a, b = (
-                f"{units.write_length(amplitude, '.4g')} at {frequency:.4g} Hz"
-                for amplitude, frequency in medians
-            )
-            differs("motion", "motion", a, b, ": what a model misses does not cancel")
-    logged = [[t.temperature for t in run.tests if math.isfinite(t.temperature)] for run in runs]
-    means = [fmean(temperatures) for temperatures in logged if temperatures]
-    if len(means) == len(runs) and abs(means[0] - means[1]) > _TEMPERATURES_DIFFER:
-        differs("temperature", "temperature", *(f"{mean:.1f} degC" for mean in means))
-    return tuple(sorted(listed, key=lambda fact: _ORDER.index(fact.kind)))
-
-
-def _facts(  # noqa: C901, PLR0912 - one kind after the other
-    run: Run, units: ShownUnits, *, is_bare: bool, of_one_model: bool
-) -> Iterator[tuple[str, str, str, str]]:
-    """Yield what may differ between runs: its name, kind and value, and what follows from it."""
-    for key in _WHOSE:
-        if owner := run.identity.get(key):
-            yield key, "identity", str(owner), ""
-    if not is_bare:  # of measured curves the damper need not be known
-        yield "model", "model", run.damper.name, ": only forces are compared, not parameters"
-    if of_one_model:
-        damper = run.damper
-        consequence = ": those with the same name are compared"
-        yield f"quantities of {damper.name}", "model", ", ".join(damper.names), consequence
-        for quantity in run.quantities:
-            yield f"unit of {quantity.name}", "model", quantity.unit, ": it is not compared"
-        for name, (_, _, unit) in damper.ranges.items():
-            if isinstance(size := getattr(damper, name, None), float):
-                kind = "gas" if name.startswith("gas_") else "damper"
-                yield f"damper.{name}", kind, f"{size:.6g} {unit}".strip(), ""
-    if not is_bare and math.isfinite(gas := _gas_force(run)):
-        force = units.write(gas, "N", ".1f" if units.of("N") == "N" else ".3g")
-        consequence = ": this difference is part of every difference of force"
-        yield "gas force at mid-stroke", "gas", force, consequence
-    document = run.record.get("configuration")
-    for (section, key), (kind, words) in _HOW.items():
-        keys = document.get(section) if isinstance(document, dict) else None
-        value: Any = keys.get(key) if isinstance(keys, dict) else None
-        if isinstance(value, dict):
-            value = [f"{name} = {_plain(entry)}" for name, entry in value.items()]
-        if isinstance(value, list):
-            value = ", ".join(map(_plain, value)) or "none"
-        if value is not None:
-            yield words, kind, _plain(value), ""
-    consequence = "; what the older run lacks is not compared"
-    for name, words, suffix in (
-        ("version", "damperfit", ""), ("schema_version", "schema of the results", consequence),
-    ):  # fmt: skip
-        if (number := run.record.get(name)) is not None:
-            yield words, "version", str(number), suffix
-
-
-def _plain(value: object) -> str:
-    """A value of a configuration: 60 and 60.0 are one."""
-    return f"{value:.12g}" if isinstance(value, float) else str(value)
-
-
-def _inputs(run: Run) -> list[tuple[str, dict[str, Any]]]:
-    """Return the hash of each log that a run is based on, and the log as its record has it."""
-    logs = [log for log in run.inputs if log.get("sha256") and log.get("setting") is not None]
-    return [(str(log["sha256"]), log) for log in logs]
-
-
-def _of_logs(first: Run, second: Run) -> Iterator[Circumstance]:
-    """Yield that logs are in both, and which of these were read with other signs."""
-    by_digest = [dict(_inputs(run)) for run in (first, second)]
-    common = by_digest[0].keys() & by_digest[1].keys()
-
-    def named(digests: Sequence[str]) -> str:
-        return listed_names(sorted(str(by_digest[0][digest].get("log")) for digest in digests))
-
-    if common:
-        all_logs = f"both are based on the same logs ({named([*common])})"
-        some_logs = f"some logs are in both ({named([*common])}), where"
-        is_all = by_digest[0].keys() == by_digest[1].keys()
-        sentence = (
-            f"{f'{all_logs}:' if is_all else some_logs} differences come from the evaluation only, "
-            "and the errors, which assume two tests, are too large"
-        )
-        yield Circumstance("logs", first.name, second.name, sentence)
-    turned: dict[tuple[str, str], list[str]] = {}
-    for digest in common:
-        signs = [logs[digest].get("reversed") for logs in by_digest]
-        if all(isinstance(channels, list) for channels in signs) and signs[0] != signs[1]:
-            a, b = (" and ".join(map(str, channels or ())) or "none" for channels in signs)
-            turned.setdefault((a, b), []).append(digest)
-    for (a, b), digests in sorted(turned.items()):
-        is_stroke = ("displacement" in a) is not ("displacement" in b)
-        words = ("rebound", "compression") if is_stroke else ("positive", "negative")
-        yield Circumstance(
-            "rig",
-            a,
-            b,
-            f"reversed channels: {a} in {first.name}, {b} in {second.name} ({named(digests)}), so "
-            f"that {words[0]} in one is {words[1]} in the other; "
-            "declare rig.reverse_displacement and rig.reverse_force",
-        )

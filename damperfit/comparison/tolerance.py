@@ -10,12 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from damperfit.adjustment.force_at import REPEATS, STROKES
-from damperfit.comparison.comparing import (
-    ComparisonOptions,
-    RunComparison,
-    force_readings,
-    settings_of,
-)
+from damperfit.comparison.circumstances import settings_of
+from damperfit.comparison.comparing import ComparisonOptions, RunComparison, force_readings
 from damperfit.comparison.measured import Reading, measured_readings
 from damperfit.errors import ConfigurationError
 from damperfit.io.files import read_text, why_unread

@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.arrays import FloatArray
-from damperfit.comparison.comparing import DIFFERENT, SAME, Difference, verdict_of
+from damperfit.comparison.differences import DIFFERENT, SAME, Difference, verdict_of
 from damperfit.comparison.measured import MeasuredTest, common_tests
 from damperfit.reporting.figures import (
     RUN_COLOURS,

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from damperfit.comparison.comparing import DIFFERENT, ComparisonOptions, compare_runs
+from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.comparison.differences import DIFFERENT
 from damperfit.conditioning import ConditionOptions, condition
 from damperfit.configuration.loading import load_configuration
 from damperfit.damper.purdy.parameters import reference_parameters

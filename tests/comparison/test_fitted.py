@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from damperfit.adjustment.force_at import Sine, Stage
+from damperfit.comparison.circumstances import circumstances
 from damperfit.comparison.comparing import (
     ComparisonOptions,
-    circumstances,
     compare_runs,
     force_readings,
     freedom_of,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from damperfit import results
-from damperfit.comparison.comparing import DIFFERENT, ComparisonOptions, compare_runs
+from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.comparison.differences import DIFFERENT
 from damperfit.comparison.measured import (
     common_tests,
     measured_readings,

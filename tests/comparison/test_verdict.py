@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from damperfit.comparison.comparing import (
-    ComparisonOptions,
-    compare_runs,
-    compared,
-    surely_different,
-)
+from damperfit.comparison.comparing import ComparisonOptions, compare_runs
+from damperfit.comparison.differences import compared, surely_different
 from damperfit.comparison.measured import Reading, Topic
 from damperfit.comparison.tolerance import (
     bands_met,
