@@ -191,7 +191,7 @@ def _lines(run: Run, quantity: Quantity) -> list[tuple[Setting, ...]]:
         own = (line.settings for line in lines if line.adjuster == adjuster)
         return median([abs(sizes[b] - sizes[a]) for line in own for a, b in pairwise(line)] or [0])
 
-    adjuster = max((line.adjuster for line in lines), key=moved)
+    adjuster = max((line.adjuster for line in lines), key=moved, default="")
     return [line.settings for line in lines if line.adjuster == adjuster]
 
 

@@ -46,6 +46,14 @@ def results(bodies, tmp_path_factory):
     return out
 
 
+def test_settings_that_differ_in_both_adjusters_are_fitted(bodies, tmp_path, run):
+    for r, c in ((4, 8), (8, 12)):  # no click leads from one to the other
+        (tmp_path / f"R{r}_C{c}.csv").write_text(bodies[r, c])
+    (tmp_path / "two.toml").write_text(TOML)
+    ended = run("identify", tmp_path / "R*.csv", "--config", tmp_path / "two.toml")
+    assert (ended.code, "R8 C12" in ended.out) == (0, True), ended.err
+
+
 def test_settings_answers_for_all_adjusters(results, run):
     ended = run("settings", results, "--force", "500N", "--velocity", "0.2m/s", "--json")
     assert ended.code == 0, ended.err
