@@ -11,14 +11,8 @@ from matplotlib.testing.compare import calculate_rms
 from PIL import Image
 
 from damperfit.reporting.drawing import compose, fixed_style
-from damperfit.reporting.figures import (
-    CHAMBER_COLOURS,
-    Line,
-    Plot,
-    report_plots,
-    setting_colours,
-    setting_panel,
-)
+from damperfit.reporting.figures import report_plots
+from damperfit.reporting.plots import CHAMBER_COLOURS, Line, Plot, setting_colours, setting_panel
 from damperfit.results import Run
 from tests.report_folder import make_results
 

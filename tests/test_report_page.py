@@ -15,8 +15,9 @@ from hypothesis.extra.numpy import arrays
 
 from damperfit.errors import ConfigurationError
 from damperfit.reporting.drawing import draw_plot
-from damperfit.reporting.figures import report_plots, thin
+from damperfit.reporting.figures import report_plots
 from damperfit.reporting.page import PlotData, html_report
+from damperfit.reporting.plots import thin
 from damperfit.results import Run
 from tests.report_folder import EVIL, damage_row_group, make_results
 

@@ -11,7 +11,8 @@ from typing import Any
 from damperfit import __version__
 from damperfit.queries.compared import baseline_text
 from damperfit.reporting.drawing import draw_plot
-from damperfit.reporting.figures import plot_in_units, report_plots
+from damperfit.reporting.figures import report_plots
+from damperfit.reporting.plots import plot_in_units
 from damperfit.reporting.records import checks_in
 from damperfit.reporting.report import lead, tested_range
 from damperfit.reporting.sheet import first_of, html_table, rows_in_units, sheet_in_units

@@ -38,7 +38,7 @@ from damperfit.io import ReadOptions, read_log
 from damperfit.io.files import read_text, why_unread
 from damperfit.problem import Key
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.figures import Line, Panel, Plot, setting_colours
+from damperfit.reporting.plots import Line, Panel, Plot, setting_colours
 from damperfit.reporting.sheet import Column, Sheet, laid_out, number, with_interval
 from damperfit.sections import Section, key
 from damperfit.simulation import Motion

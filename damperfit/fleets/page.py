@@ -30,9 +30,9 @@ from damperfit.fleets.survey import (
 )
 from damperfit.problem import counted
 from damperfit.reporting.compared import tolerance_sheet, tolerance_table
-from damperfit.reporting.figures import RUN_COLOURS, Line, Panel, Plot, setting_panel
-from damperfit.reporting.figures import setting_places as places_of
 from damperfit.reporting.page import PlotData, asset, draw, plotly_script
+from damperfit.reporting.plots import RUN_COLOURS, Line, Panel, Plot, setting_panel
+from damperfit.reporting.plots import setting_places as places_of
 from damperfit.reporting.sheet import NOTHING, Column, Sheet, laid_out, number
 from damperfit.store import file_set
 from damperfit.tables.files import write_table

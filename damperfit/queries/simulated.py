@@ -31,7 +31,7 @@ from damperfit.queries.simulations import (
     swept_units,
 )
 from damperfit.reporting.answer import Answer
-from damperfit.reporting.figures import Line, Panel, Plot, loop, pressure_panel, setting_colours
+from damperfit.reporting.plots import Line, Panel, Plot, loop, pressure_panel, setting_colours
 from damperfit.reporting.sheet import Column, Sheet, laid_out, number, text_table
 from damperfit.reporting.tables import BLOCK_LEVELS, sparkline
 from damperfit.store import file_set

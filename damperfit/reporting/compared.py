@@ -15,14 +15,7 @@ from damperfit.adjustment.force_at import STROKE_WORDS
 from damperfit.arrays import FloatArray
 from damperfit.comparison.differences import DIFFERENT, SAME, Difference, verdict_of
 from damperfit.comparison.measured import MeasuredTest, common_tests
-from damperfit.reporting.figures import (
-    RUN_COLOURS,
-    Line,
-    Panel,
-    Plot,
-    setting_panel,
-    setting_places,
-)
+from damperfit.reporting.plots import RUN_COLOURS, Line, Panel, Plot, setting_panel, setting_places
 from damperfit.reporting.report import Section, markdown
 from damperfit.reporting.sheet import (
     NOTHING,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from damperfit.reporting.figures import Line, Panel, Plot
+    from damperfit.reporting.plots import Line, Panel, Plot
 
 _COLOURS = {"ink": "#000000", "muted": "#7d8796"}
 _OPEN: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "none"}

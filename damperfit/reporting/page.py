@@ -35,13 +35,8 @@ from damperfit.reporting.compared import (
     tolerance_outcome,
     tolerance_sheet,
 )
-from damperfit.reporting.figures import (
-    Line,
-    Plot,
-    ReportPlots,
-    plot_in_units,
-    setting_colours,
-)
+from damperfit.reporting.figures import ReportPlots
+from damperfit.reporting.plots import Line, Plot, plot_in_units, setting_colours
 from damperfit.reporting.records import checks_in, listed_in, number_in
 from damperfit.reporting.report import Section, lead, report_sections, verdict
 from damperfit.reporting.sheet import html_table, printable, rows_in_units, sheet_in_units
