@@ -93,7 +93,7 @@ def _have_profiles():
     from hypothesis import HealthCheck, settings  # pytest rewrites it too: what is kept serves it
 
     quiet = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
-    settings.register_profile("damperfit", max_examples=30, **quiet)
+    settings.register_profile("damperfit", max_examples=15, **quiet)
     settings.register_profile("thorough", max_examples=300, **quiet)
     settings.load_profile("damperfit")
 

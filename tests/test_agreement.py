@@ -178,10 +178,7 @@ class Outlets:
 
 @pytest.fixture(
     scope="module",
-    params=[
-        pytest.param(name, marks=[pytest.mark.slow] * (name in {"stepped", "few_samples"}))
-        for name in CASES
-    ],
+    params=[pytest.param(name, marks=[pytest.mark.slow] * (name != "rig")) for name in CASES],
 )
 def shown(request, tmp_path_factory) -> Outlets:
     return Outlets(tmp_path_factory.mktemp(request.param), log(*CASES[request.param]))

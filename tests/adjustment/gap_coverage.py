@@ -110,13 +110,13 @@ def valve_dampers(count, *, seed=0):
         yield sorted(drawn.tolist()), numbers, float(random.choice([0.1, 0.15, 0.26])), tied
 
 
-def covered_of_valves(count, *, seed=0, strokes=STROKES, speed=0.1):
+def covered_of_valves(count, *, seed=0, speed=0.1):
     """Place of each untested click, its interval and the gap, (n, 4); a row of NaN: no answer."""
     rows = []
     for tested, numbers, top, tied in valve_dampers(count, seed=seed):
         stages = [stage_at(click, numbers(click), top=top, tied=tied) for click in tested]
         forces = [replace(f, error=NOISE, rest=NOISE) for f in force_at(stages, DAMPER, [speed])]
-        for stroke in strokes:
+        for stroke in STROKES:
             mine = [one for one in forces if one.stroke == stroke]
             shown = np.array([one.force for one in mine])
             for click in set(range(tested[0], tested[-1])) - set(tested):

@@ -11,7 +11,6 @@ import damperfit
 from damperfit.adjustment import between
 from damperfit.adjustment.clicks import clicks, which_setting
 from damperfit.adjustment.force_at import (
-    STROKES,
     Force,
     Sine,
     Stage,
@@ -379,15 +378,11 @@ def test_intervals_over_gaps_hold_the_setting_that_was_left_out() -> None:
         assert 0.93 <= held / asked <= 0.99, count
 
 
-@pytest.mark.parametrize(
-    ("count", "strokes", "share"),
-    [(1, ("bump",), 0.85), pytest.param(20, STROKES, 0.97, marks=pytest.mark.slow)],
-)
-def test_intervals_hold_untested_clicks_of_valves(count, strokes, share) -> None:
-    rows = gap_coverage.covered_of_valves(count, strokes=strokes)
-    click, position, low, high, gap = rows.T
-    assert len(click) > 5 * count
-    assert np.mean((low <= click) & (click <= high)) >= share
+@pytest.mark.slow
+def test_intervals_hold_untested_clicks_of_valves() -> None:
+    click, position, low, high, gap = gap_coverage.covered_of_valves(20).T
+    assert len(click) > 100
+    assert np.mean((low <= click) & (click <= high)) >= 0.97
     assert np.nanmedian(np.abs(position - click) / gap) < 0.02
     assert np.nanmedian((high - low) / gap) < 0.5
 

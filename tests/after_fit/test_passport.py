@@ -63,7 +63,7 @@ def test_an_edited_resistance_that_no_hole_has_is_left_out(
 def test_what_a_log_says_is_escaped_on_the_page(short, tmp_path) -> None:
     text = (short / "setting_01.csv").read_text(encoding="utf-8")
     (tmp_path / "x_s1.csv").write_text(f"# serial: <b>7\n{text}", encoding="utf-8")
-    run = damperfit.identify([tmp_path / "x_s1.csv"], out=tmp_path / "results")
+    run = damperfit.identify([tmp_path / "x_s1.csv"])
     page, _ = damperfit.passport(run, out=tmp_path)
     assert page.name == "passport__b_7.html"
     assert "<b>7" not in page.read_text(encoding="utf-8")

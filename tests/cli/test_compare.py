@@ -95,6 +95,7 @@ def test_measured_curves_are_compared_without_a_model(run, raw, campaigns, form)
     assert 5.0 < line["percent_ci_low"] < line["percent_ci_high"] < 10.0  # between R and R squared
 
 
+@pytest.mark.slow
 def test_repeats_of_the_reference_are_the_measure(run, campaigns) -> None:
     before, after = campaigns / "before", campaigns / "after"
     found = pair(run, before, after, "--repeats", campaigns / "again")
@@ -142,6 +143,7 @@ def test_a_baseline_stands_for_its_run(run, campaigns) -> None:
         assert "base.json: a damaged baseline" in damaged.err
 
 
+@pytest.mark.slow
 def test_page_markdown_json_and_tables_are_written_as_a_set(run, campaigns) -> None:
     pytest.importorskip("plotly")
     runs = [campaigns / name for name in ("before", "after", "again")]
@@ -169,6 +171,7 @@ def test_page_markdown_json_and_tables_are_written_as_a_set(run, campaigns) -> N
 # Raw logs: one that is bad, and whose they are.
 
 
+@pytest.mark.slow
 def test_a_bad_log_costs_itself(run, raw) -> None:
     for name in ("before", "after"):
         shutil.copytree(raw / name, name)
@@ -185,6 +188,7 @@ def test_a_bad_log_costs_itself(run, raw) -> None:
     assert "Traceback" not in ended.err
 
 
+@pytest.mark.slow
 def test_folders_of_serials_and_serials_in_the_logs_are_paired(run, raw) -> None:
     for when, source, serials in (("old", "before", "12"), ("new", "again", "23")):
         Path(f"flat_{when}").mkdir()

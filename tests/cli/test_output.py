@@ -157,7 +157,7 @@ def test_finished_settings_are_written_when_the_user_stops(logs, fitted_anew, tm
     assert "Interrupted" in (tmp_path / "out" / "report.md").read_text()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> None:
     before, stop = signal.getsignal(number), threading.Event()
     with stop_on_signal("", stop):
@@ -176,8 +176,8 @@ def test_a_signal_asks_to_stop_and_a_second_one_ends_at_once(number, capsys) -> 
     [
         (signal.SIGINT, 1),
         pytest.param(signal.SIGTERM, 1, marks=pytest.mark.slow),
-        pytest.param(signal.SIGINT, 2, marks=pytest.mark.slow),  # in copies of the process
-        (signal.SIGHUP, 2),  # as a lost terminal sends it
+        # In copies of the process; as a lost terminal sends it.
+        pytest.param(signal.SIGHUP, 2, marks=pytest.mark.slow),
     ],
 )
 def test_the_command_ends_with_130_and_no_temporary_file(tmp_path, number, jobs) -> None:

@@ -105,6 +105,7 @@ def test_where_no_log_can_be_fitted_or_a_gate_is_missed_the_code_says_so(three, 
         assert run(three, "--out", out, "--config", config) == 4
 
 
+@pytest.mark.slow
 def test_shares_together_are_the_whole_and_their_folder_holds_no_logs(three, out, capsys):
     shared = three / "shared"
     run(three, "--out", out, "--collect")
@@ -221,6 +222,7 @@ def test_a_log_that_cannot_be_read_has_the_setting_that_is_told_from_outside(tmp
     }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="names that are no Unicode")
 def test_a_folder_whose_name_is_no_unicode_is_a_damper_like_the_others(tmp_path, texts, out):
     logs = tmp_path / "logs"

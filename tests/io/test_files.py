@@ -148,15 +148,15 @@ BOMBS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited there alone")
-@pytest.mark.parametrize("n_bombs", [2, pytest.param(len(BOMBS), marks=pytest.mark.slow)])
-def test_a_small_workbook_takes_little_memory(tmp_path, n_bombs) -> None:
+def test_a_small_workbook_takes_little_memory(tmp_path) -> None:
     pytest.importorskip("python_calamine")
     # 4 kB that took 5.9 GB and 45 s.
     small = tmp_path / "small_s1.xlsx"
     small.write_bytes(workbook(NAMES + NUMBERS, ""))
     bombs = []
-    for k, cells in enumerate([*BOMBS.values()][:n_bombs]):
+    for k, cells in enumerate(BOMBS.values()):
         bombs.append(tmp_path / f"log_s{k}.xlsx")
         bombs[-1].write_bytes(workbook(cells, "x" * 30_000))
         assert bombs[-1].stat().st_size < 6_000
@@ -168,5 +168,5 @@ def test_a_small_workbook_takes_little_memory(tmp_path, n_bombs) -> None:
         timeout=300,
     )
     *refused, grown = done.stdout.splitlines()
-    assert ["rig.max_log_bytes" in line for line in refused] == [True] * n_bombs
+    assert ["rig.max_log_bytes" in line for line in refused] == [True] * len(BOMBS)
     assert int(grown) < 450_000_000
