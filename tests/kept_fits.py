@@ -1,4 +1,4 @@
-"""Fits of commands, made once for the same logs: most tests of commands fit the same three.
+"""Traces and fits of commands, made once for the same logs: most tests of commands fit three.
 
 For tests that ask what a run says and writes; how it fits is asked in `identification/`. What
 breaks a fit on purpose, or counts what it does, takes the fixture `fitted_anew`.
@@ -14,13 +14,14 @@ from typing import Any
 import pytest
 
 from damperfit.identification import Campaign
-from damperfit.run import identify
+from damperfit.recording import Trace
+from damperfit.run import identify, logs
 from damperfit.run.identify import Watch
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """What a fit depends on, as bytes; and how it is called."""
+    """What a trace or a fit depends on, as bytes; and how it is made."""
 
     content: bytes
     what: tuple[Any, ...] = field(compare=False)
@@ -31,7 +32,16 @@ class _IsNotKeptError(Exception):
     """Others would not have met what this fit has met."""
 
 
-_fits = identify._fits
+_fits, _condition = identify._fits, logs.condition
+
+
+@cache
+def _conditioned(asked: _Asked) -> Trace:
+    return _condition(*asked.what)
+
+
+def _kept_trace(*what) -> Trace:
+    return _conditioned(_Asked(pickle.dumps(what), what, {}))
 
 
 @cache
@@ -66,6 +76,7 @@ def kept_fits() -> Iterator[None]:
     """Let commands that run in this process share what they have fitted."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(identify, "_fits", _kept)
+        patch.setattr(logs, "condition", _kept_trace)
         yield
 
 

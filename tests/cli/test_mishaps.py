@@ -176,6 +176,7 @@ def test_inspect_goes_on_and_lets_whoever_wants_stop(run, samples, tmp_path, bro
     assert run("inspect", samples[1])[0] == 130
 
 
+@pytest.mark.slow
 def test_a_gate_that_a_bug_kept_from_being_looked_at_is_not_met(
     run, samples, tmp_path, broken
 ) -> None:

@@ -179,6 +179,7 @@ def test_a_working_folder_that_is_gone_is_one_sentence(
     assert code == 0 or len(ended.err.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_loop_of_links_costs_itself_alone(run, logs, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("damperfit.workers.Processes", Here)
     (tmp_path / "setting_01.csv").write_bytes((logs / "setting_01.csv").read_bytes())
@@ -202,6 +203,7 @@ def test_a_nul_in_a_name_costs_that_log_alone(run, logs, tmp_path) -> None:
         assert (ended.code, len(ended.err.splitlines())) == (2, 1)
 
 
+@pytest.mark.slow
 def test_the_home_folder_is_found_where_the_shell_leaves_its_sign(
     run, logs, monkeypatch, tmp_path
 ) -> None:

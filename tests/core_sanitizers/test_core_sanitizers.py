@@ -71,6 +71,7 @@ def compiler(tmp_path_factory):
     return pytest.skip("no C compiler with working sanitizers")
 
 
+@pytest.mark.slow  # CI asks for it by itself
 def test_the_core_is_strict_c99_without_a_warning(compiler):
     drivers = sorted(HERE.glob("*.c"))
     command = [*shlex.split(compiler), *STRICT, "-fsyntax-only", f"-I{HERE}", f"-I{CORE}"]

@@ -133,6 +133,7 @@ def test_a_child_that_never_ends_is_ended(monkeypatch) -> None:
     assert "not read in 1.1 s" in refusal(b"sleep " + bytes(1_000_000))
 
 
+@pytest.mark.slow
 def test_a_child_that_nobody_asks_ends_and_the_next_log_gets_another(monkeypatch) -> None:
     monkeypatch.setattr(child_process, "_IDLE", 0.3)
     with of_their_own():

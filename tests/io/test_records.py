@@ -209,9 +209,9 @@ def test_blocks_that_follow_at_a_steady_rate_are_one_record(put, decimal, n_last
     lasts = np.array([len(block.time) for block in blocks]) / RATE
     (log,) = read_logs(put(titled(blocks, 12.5 + begins + lasts * at_end, decimal=decimal)))
     whole, n = record(6 * STEP), 5 * BUFFER + n_last
-    assert log.time == pytest.approx(np.arange(n) / RATE, rel=1e-6)
-    assert log.displacement == pytest.approx(whole.displacement[:n] / 1e3, abs=1e-11)
-    assert log.force == pytest.approx(whole.force[:n] * 1e3, abs=1e-5)
+    np.testing.assert_allclose(log.time, np.arange(n) / RATE, rtol=1e-6)
+    np.testing.assert_allclose(log.displacement, whole.displacement[:n] / 1e3, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(log.force, whole.force[:n] * 1e3, rtol=0, atol=1e-5)
     assert "6 blocks joined; time: 1024 Hz, by the times in their titles" in log.notes
 
 
