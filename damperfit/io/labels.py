@@ -3,9 +3,11 @@
 A preamble takes precedence over a column, and a column over the name. Without a declared pattern
 the setting is guessed from names that differ in numbers alone, as ``D7_C02.csv`` and
 ``D7_C08.csv``: it is the only number that differs and is no speed, serial number or count of runs.
-A few names of another kind do not matter. Several such numbers are not guessed: a note says what to
-declare if they are two adjusters. Neither are a word or a signed number in which names differ, as a
-word may mean anything and a hyphen is often no minus: the pattern is shown as an option to copy.
+A few names of another kind do not matter. Several such numbers are guessed where each has the word
+of a stroke or speed before it, as in ``R12_C08`` and ``L06_H1``; of others a note says what to
+declare if they are two adjusters. A word or a signed number in which names differ is not guessed,
+as a word may mean anything and a hyphen is often no minus: the pattern is shown as an option to
+copy.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from typing import NamedTuple
 
 from damperfit.errors import LogError
 from damperfit.io.columns import visible
-from damperfit.problem import Option, Problem, note
+from damperfit.problem import Option, Problem, in_a_row, note
 from damperfit.sections import SETTING_PATTERN
 from damperfit.tested.identity import IDENTITY_KEYS
 from damperfit.tested.setting import (
@@ -55,6 +57,8 @@ _OF_CLICKS = {
     *("adjuster", "adj", "click", "clicks", "clicker", "klick", "klicks", "einstellung"),
     *("clic", "clics", "reglage", "réglage"),
 }
+# What the adjusters of low and of high speed are called.
+_OF_SPEEDS = {"l", "h", "ls", "hs", "low", "high", "lsc", "hsc", "lsb", "hsb", "lsr", "hsr"}
 FROM_NAME = "setting: from the file name"  # the note that says so
 _MAY_BE_DEGREES = "c"  # 25c is as well 25 clicks of compression
 # What several numbers are called that have no word before them, or the same.
@@ -157,9 +161,20 @@ def guess_settings(names: Iterable[str]) -> Guess:  # noqa: PLR0911 - one return
         adjusters = list(_PLACES[: len(varied)])
     every = _pattern_of_all(dict(zip(varied, adjusters, strict=True)), fields, group)
     advice = _declaring(pattern, adjusters, every)
-    if len(kinds) == 1 and all(adjuster_of(number.word) in adjusters for number in varied):
-        return Guess(advice=advice, adjusters=tuple(adjusters), pattern=every)
-    return Guess(advice=advice)
+    of_words = [adjuster_of(n.word) or n.word * (n.word in _OF_SPEEDS) for n in varied]
+    if len(kinds) > 1 or of_words != adjusters:
+        return Guess(advice=advice)
+    rows = zip(*(map(parse_place, number.values) for number in varied), strict=True)
+    labels = (Setting(tuple(zip(adjusters, row, strict=True))).label for row in rows)
+    finding = note(
+        "setting-guessed",
+        "the setting is guessed from the file names, the numbers after {words}; for trends and "
+        "clicks {advice}",
+        words=in_a_row([f"'{number.before}'" for number in varied]),
+        advice=_declaring("", adjusters, every),
+    )
+    settings = {name: Setting.of(label) for name, label in zip(group, labels, strict=True)}
+    return Guess(settings, finding, advice, tuple(adjusters), every)
 
 
 def one_of_several(name: str) -> str:
@@ -240,8 +255,8 @@ def _declaring(pattern: str, adjusters: Sequence[str] = (), every: str = "") -> 
     if adjusters:
         declared = ", ".join(f'{name} = ""' for name in adjusters)
         texts.append(
-            "or, where several adjusters were turned, declare them in a configuration, [adjusters] "
-            f"{declared}, and give it with {{config}} and {{every}}"
+            f"{'or, where several adjusters were turned, ' if pattern else ''}declare them in a "
+            f"configuration, [adjusters] {declared}, and give it with {{config}} and {{every}}"
         )
         values |= {"config": Option("config"), "every": Option("rig", every, "setting_pattern")}
     return note("setting-in-names", "; ".join(texts), **values) if texts else None

@@ -335,10 +335,11 @@ class Labels:
             if lost:
                 yield warning("table-of-tests", f"no such file: {listed_names(lost)}", table.path)
         notes = {id(log): log.facts.get("notes", ()) for log in logs}
-        if self.guess.finding and any(_GUESSED in own for own in notes.values()):
+        is_guessed = any(_GUESSED in own for own in notes.values())
+        if self.guess.finding and is_guessed:
             yield self.guess.finding
-        if len(self.adjusters) > 1:
-            return
+        if len(self.adjusters) > 1 or (self.guess.adjusters and is_guessed):
+            return  # it says which adjusters to declare
         settings = dict.fromkeys(log.facts.get("setting") for log in logs)
         labels = list(map(str, filter(None, settings)))
         letters = [sorted(letters_of(label)) for label in labels]

@@ -179,7 +179,6 @@ def test_what_differs_is_the_setting(row) -> None:
 @pytest.mark.parametrize(
     "given",
     """
-R12_C08, R10_C10
 t1_2_2_24_24_x5_100psi, t2_4_4_24_24_x5_100psi
 run1_a3_32mm, run2_a3_32mm, run3_a5_32mm
 a_0.5, a_1.5
@@ -194,7 +193,7 @@ log
 """.strip().splitlines(),
 )
 def test_a_choice_is_no_guess(given) -> None:
-    """Two adjusters, one log alone, a speed, halves, counts, serials, degrees, two kinds."""
+    """Several numbers, one log alone, a speed, halves, counts, serials, degrees, two kinds."""
     guess = guess_settings(named(given))
     assert guess.settings == {}
     assert str(guess.finding or "") == ""
@@ -214,13 +213,30 @@ x1_b3_k1_q2, x2_b4_k2_q3 -> x = "", compression = "", k = "", q = "" ->
 """
 
 
+@pytest.mark.parametrize(
+    ("given", "labels"),
+    [
+        ("R12_C08, R10_C10", ["R12 C8", "R10 C10"]),
+        ("run c10 r12, run c8 r14", ["C10 R12", "C8 R14"]),
+        ("L06_H1_1Hz, L10_H3_1Hz", ["L6 H1", "L10 H3"]),
+        ("D7_LSC2_HSC1, D7_LSC4_HSC3", ["L2 H1", "L4 H3"]),
+        ("x1_b3, x2_b4", ["None", "None"]),
+        ("5_3, 6_4", ["None", "None"]),
+        ("R12_C08, R10_C10, broken", ["None", "None", "None"]),
+    ],
+)
+def test_numbers_of_both_strokes_or_speeds_are_one_label(given, labels) -> None:
+    """Logs named so were all refused. Other words, or numbers alone, are asked about."""
+    settings = guess_settings(named(given)).settings
+    assert [str(settings.get(name)) for name in named(given)] == labels
+
+
 @pytest.mark.parametrize("row", SEVERAL.strip().splitlines())
 def test_several_adjusters_are_offered_a_pattern_for_all(row) -> None:
     """The pattern to copy read one of the two; R12C08 was taken for C alone, R 12 for degrees."""
     given, declared, pattern = parted(row)
     names = named(given)
     guess = guess_settings(names)
-    assert guess.settings == {}
     assert f"[adjusters] {declared}" in str(guess.advice)
     if pattern:
         assert str(guess.advice).endswith(f"--rig 'setting_pattern={pattern}'")
