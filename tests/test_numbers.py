@@ -850,6 +850,18 @@ def forces_wanted() -> Any:
 
 
 @case
+def clicks_between() -> Any:
+    """Untested clicks of valve dampers by their force, between some where a valve stays closed."""
+    from tests.adjustment.gap_coverage import covered_of_valves
+
+    found = {}
+    for seed, stroke in ((4, "rebound"), (7, "bump")):
+        rows = covered_of_valves(1, seed=seed, strokes=[stroke])
+        found[stroke] = dict(zip(("click", "position", "low", "high", "gap"), rows.T, strict=True))
+    return found
+
+
+@case
 def valve_kinds() -> Any:
     """Valves of every kind in every layout, all parts of mounting and friction: forces, starts."""
     bleeds = itertools.cycle(("none", "orifice", "long", "leak"))
@@ -1084,10 +1096,16 @@ def trends() -> Any:
         course[list(off)] *= 1.25
         found[shape] = [trend_of(y, ten, scatter=3e-3, seed=5) for y in (sound, course)]
     swings = np.geomspace(3e-3, 0.3, 7)
+    unlike = np.where(clicks % 4 == 2, 0.1, 1e-3 * (1.0 + clicks))
     how: Any = {"n": 5e8 + 1e7 * clicks**2, "constant": 0.0 * clicks + 5e8}
     found |= {
         "few": [trend_of(how["n"][:n], ten[:n], name="k_e", seed=3) for n in range(3, 9)],
         "even": [trend_of(how["constant"][:n], ten[:n]) for n in range(3, 9)],
+        "unlike_errors": [  # a setting that is off, of those known well or badly
+            trend_of(rising * (1.0 + off * (clicks == at)), ten, error=unlike, scatter=s, seed=4)
+            for at, off in ((2, 0.5), (4, 0.1), (6, 0.1), (8, 0.2), (12, 0.15))
+            for s in (0.0, 0.01)
+        ],
         "scatter": [trend_of(rising, ten, error=3e-4, scatter=s, seed=2) for s in swings],
         "saw": [trend_of(rising * np.exp(s * zigzag), ten, error=3e-4) for s in swings],
         "saw_k_e": [

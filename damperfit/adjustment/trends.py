@@ -58,7 +58,6 @@ LEAST_FOR_TREND = 4
 LEAST_FOR_OUTLIERS = 5
 _LEAST_FOR_TWO = 8
 _SETTINGS_PER_DEGREE = 3
-_LEAST_FREEDOM = 2  # of the curve that judges an outlier
 # The third difference of an outlier at an end over that of the curve beside it.
 _STEEPENING = 8.0  # the root of a distance, drawn with degree 4, has up to 6
 _OUTLIER_COST = 3  # its own number, and twice the choice among n settings, in ln(n)
@@ -158,10 +157,7 @@ def fit_curve(points: Points, scale: str, degree: int) -> Curve:
     """Fit one curve by weighted least squares of relative residuals; tau is found from these."""
     rows = _powers(points.settings, scale, degree, points.ends)
     freedom = points.n - degree - 1
-    # Values of one parameter may be 1e11; the level keeps every scale near one.
-    level = float(np.mean(points.logs))
-    logs = points.logs - level
-    targets, fitted, tau = _from_logs(scale, logs), logs, LEAST_SCATTER
+    targets, fitted, tau = _from_logs(scale, points.logs), points.logs, LEAST_SCATTER
     coefficients, covariance = np.zeros(degree + 1), np.zeros((degree + 1, degree + 1))
     for _ in range(_PASSES):
         weights = 1.0 / np.sqrt(points.errors**2 + tau**2)
@@ -170,12 +166,7 @@ def fit_curve(points: Points, scale: str, degree: int) -> Curve:
         coefficients, covariance = least_squares(rows * weights[:, None], targets * weights)
         curve = _to_logs(scale, rows @ coefficients)
         fitted = np.where(np.isfinite(curve), curve, fitted)
-        tau = scatter_of(logs - fitted, points.errors, freedom)
-    if scale in _SIGN:
-        factor = math.exp(_SIGN[scale] * level)
-        coefficients, covariance = coefficients * factor, covariance * factor**2
-    else:
-        coefficients = coefficients + level * np.eye(degree + 1)[0]
+        tau = scatter_of(points.logs - fitted, points.errors, freedom)
     return Curve(scale, coefficients, covariance, points.ends, tau, freedom)
 
 
@@ -219,14 +210,10 @@ def choose(
     allowed = 0 if n < LEAST_FOR_OUTLIERS else 2 if n >= _LEAST_FOR_TWO else 1
     candidates = []
     for scale, degree in families:
-        best: list[tuple[int, ...]] = [()]  # to leave out, for each number of settings
-        n_most, tau = min(allowed, n - degree - 1 - _LEAST_FREEDOM), LEAST_SCATTER
-        if n_most >= 1:
-            for _ in range(2):  # with the scatter that is left when the worst are out
-                worst = _worst(points, scale, degree, tau=tau, n=n_most)
-                tau = fit_curve(points.without(worst), scale, degree).scatter
-            best += [_worst(points, scale, degree, tau=tau, n=k) for k in range(1, n_most + 1)]
-        for outliers in best:
+        worst = _worst(points, scale, degree, LEAST_SCATTER)
+        # With the scatter that is left when the worst are out.
+        tau = fit_curve(points.without(worst[allowed]), scale, degree).scatter
+        for outliers in _worst(points, scale, degree, tau)[: allowed + 1]:
             curve = fit_curve(points.without(outliers), scale, degree)
             candidates.append((_criterion(points, curve, outliers), curve, outliers))
     for _, curve, outliers in sorted(candidates, key=lambda candidate: candidate[0]):
@@ -240,10 +227,10 @@ def choose(
     raise AssertionError("a curve without outliers is always among the candidates")
 
 
-def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tuple[int, ...]:
-    """The n points without which the sum of squares is least, from one fit of all."""
+def _worst(points: Points, scale: str, degree: int, tau: float) -> list[tuple[int, ...]]:
+    """None, the point and the two without which the sum of squares is least, from one fit."""
     # Leaving out the points S takes e_S (I - H)_SS^-1 e_S off it, with residuals e, hat matrix H.
-    values = _from_logs(scale, points.logs - points.logs.mean())
+    values = _from_logs(scale, points.logs)
     weights = 1.0 / np.sqrt(points.errors**2 + tau**2)
     if scale in _SIGN:  # weighed by the values themselves
         weights = weights / values
@@ -252,14 +239,13 @@ def _worst(points: Points, scale: str, degree: int, *, tau: float, n: int) -> tu
     residuals = values * weights - rows @ coefficients
     complement = np.eye(len(rows)) - rows @ covariance @ rows.T
     diagonal = np.maximum(np.diag(complement), 1e-12)
-    if n == 1:
-        return (int(np.argmax(residuals**2 / diagonal)),)
+    first = int(np.argmax(residuals**2 / diagonal))
     determinants = np.maximum(np.outer(diagonal, diagonal) - complement**2, 1e-12)
     squares = np.outer(residuals**2, diagonal)
     gains = (squares + squares.T - 2.0 * complement * np.outer(residuals, residuals)) / determinants
     gains[np.tril_indices(len(rows))] = -1.0
     i, j = np.unravel_index(int(np.argmax(gains)), gains.shape)
-    return (int(i), int(j))
+    return [(), (first,), (int(i), int(j))]
 
 
 def _criterion(points: Points, curve: Curve, outliers: Sequence[int]) -> float:
@@ -377,15 +363,15 @@ def find_trends(
                 if is_fitted and interval and math.isfinite(interval.error) and value > 0.0:
                     number = line.numbers[fit.setting]
                     rows.append((number, math.log(value), interval.error / value))
-            rows.sort()
-            settings, logs, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-            ends = (settings[0], settings[-1]) if rows else (0.0, 0.0)
-            trends.append(_trend(quantity, Points(settings, logs, errors, ends), line))
+            trends.append(_trend(quantity, sorted(rows), line))
     return tuple(trends)
 
 
-def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
-    n = points.n
+def _trend(
+    quantity: Quantity, known: Sequence[tuple[float, float, float]], line: SettingLine
+) -> Trend:
+    """The trend of known values: settings, ln y and its errors."""
+    n = len(known)
     if n < LEAST_FOR_TREND:
         count = f"determined at {n or 'no'} setting{'' if n < 2 else 's'}"
         reason = f"{count}, too few for a trend ({LEAST_FOR_TREND} are needed)"
@@ -394,10 +380,11 @@ def _trend(quantity: Quantity, points: Points, line: SettingLine) -> Trend:
         reason += f", along {line.adjuster} with {line.held}" if line.held else ""
         trend = Trend(quantity.name, adjuster=line.adjuster, held=line.held, why=reason)
         return replace(trend, symbol=quantity.symbol, sentence=f"{quantity.symbol}: {reason}")
+    settings, logs, errors = np.array(known, dtype=np.float64).T
+    points = Points(settings, logs, errors, (settings[0], settings[-1]))
     families = None
     if quantity.trend_degree is not None:
-        degree = quantity.trend_degree if n >= _QUADRATIC_FROM else 1
-        families = [("linear", min(degree, quantity.trend_degree))]
+        families = [("linear", quantity.trend_degree if n >= _QUADRATIC_FROM else 1)]
     curve, places = choose(points, families)
     inliers, outliers = points.without(places), []
     for at, log in zip(points.settings[[*places]], points.logs[[*places]], strict=True):

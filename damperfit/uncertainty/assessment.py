@@ -464,7 +464,7 @@ class Assessment:
             low = None if low is None or low < least else low
             high = None if high is None or high > most else high
             errors = self.uncertainty(fit.setting)
-            above = errors.unopened.get(name) if errors and low is None else None
+            above = errors.unopened.get(name) if errors else None
             low = low if above is None or above >= getattr(fit.parameters, name) else above
         return low, high
 

@@ -752,7 +752,7 @@ def _prediction(fit: Fit, trace: Trace, seen: SimulatedLog, fitted_noise: float)
         noise = max(noise, 100.0 * least**2)
         tested = _tested(trace)
         spread = (measured - np.mean(measured)) ** 2
-        share = float(np.sum(spread[tested]) / max(float(np.sum(spread)), 1e-300))
+        share = float(np.sum(spread[tested]) / np.sum(spread))
         if share >= _LEAST_TESTED:
             measured, simulated = measured[tested], simulated[tested]
     expected = max(fit.mse_percent - fitted_noise, 0.0) + noise

@@ -215,7 +215,9 @@ class _Line:
     ) -> None:
         self.quantity, self.best, self.error = quantity, best, error
         self.centre, self.here, self.refit, self.nfev = centre, centre, refit, centre.nfev
-        self.points: list[tuple[float, float, Mapping[Setting, Values]]] = [(0.0, 0.0, centre.at)]
+        self.points: list[tuple[float, float, Mapping[Setting, Values]]] = [
+            (0.0, centre.rise, centre.at)
+        ]
 
     def look(self, along: float, stride: Stride) -> float:
         """Refit, going on from the place before; return the sqrt(rise) there."""
@@ -481,7 +483,7 @@ def profile_jointly(
         rise = scale * (minimum.cost - centre.cost)
         return _Point(minimum.extra, rise, minimum.extra.values, minimum.evaluations)
 
-    begin = _Point(centre.extra, 0.0, at, 0)
+    begin = _Point(centre.extra, 0.0, at, centre.evaluations)
     profiles = _Line(quantity, best, error / _unit(fits[0], name), begin, refit).profiles(stride)
     mine = [setting for setting in sorted(profiles) if unknown.holds_at(setting)]
     return tuple(replace(profiles[setting], is_shared=True) for setting in mine)

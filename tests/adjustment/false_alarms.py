@@ -60,18 +60,19 @@ def trend_of(
     settings: Sequence[int],
     *,
     name: str = "r_m1",
-    error: float = 1e-3,
+    error: float | np.ndarray = 1e-3,
     scatter: float = 0.0,
     seed: int = 0,
 ) -> Trend:
-    """Return the trend of one parameter whose values have an error and a scatter."""
+    """Return the trend of one parameter whose values have an error, or one each, and a scatter."""
     random = np.random.default_rng(seed)
     spread = np.hypot(error, scatter)
     found = np.asarray(values) * np.exp(spread * random.standard_normal(len(settings)))
+    errors = np.broadcast_to(error, found.shape)
     return trends_of(
         [
-            fitted(setting, {name: float(value)}, {name: error})
-            for setting, value in zip(settings, found, strict=True)
+            fitted(setting, {name: float(value)}, {name: float(own)})
+            for setting, value, own in zip(settings, found, errors, strict=True)
         ]
     )[name]
 
