@@ -186,6 +186,12 @@ class Trace:
     shows_signs: bool = False  # the gas force shows which way the channels are counted
     # The rig's own offset of this log beside the mean one of its setting, N, found and taken off.
     tare: float = 0.0
+    logged_interval: float | None = None  # s; None: no samples were put in between
+
+    @property
+    def sample_rate(self) -> float:
+        """Samples a second that were logged, Hz."""
+        return 1.0 / (self.logged_interval or self.interval)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -237,7 +243,7 @@ class Trace:
         return {
             "name": self.name,
             "setting": self.setting,
-            "sample_rate_Hz": 1.0 / self.interval,
+            "sample_rate_Hz": self.sample_rate,
             "frequency_Hz": self.frequency,
             "amplitude_m": self.amplitude,
             "centre_m": self.centre,

@@ -256,6 +256,7 @@ class ProfileSection(Declarations):
 
 
 _FILTERS = ("none", "causal", "zero_phase")
+_RIG_FILTERS = (*_FILTERS, "analogue")
 
 
 class RigSection(Declarations):
@@ -279,7 +280,8 @@ class RigSection(Declarations):
         "degC; inf: no temperature is required", least=0.0, has_infinity=True)
     strict: bool = key(False, "refuse logs that have a warning; ends with code 4", panel="Gates")
     filter: str = key("none",
-        "what the rig did to both channels: none, causal or zero_phase", words=_FILTERS)
+        "what the rig did to both channels: none; causal, as logged samples are filtered; "
+        "zero_phase; analogue, before they are taken", words=_RIG_FILTERS)
     filter_corner: float = key("30Hz",
         "-3 dB of one pass of the rig's Butterworth filter", "frequency", above=0.0)
     filter_order: int = key(4, "of one pass", least=1, most=12)

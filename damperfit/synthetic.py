@@ -358,7 +358,7 @@ def _readme_text(options: SampleOptions, *, is_reference: bool) -> str:
         )
         if is_reference:
             source = "They are synthetic: plausible, and stiffer from setting to setting."
-    corner = f"{options.rig_filter:g} Hz (4th-order Butterworth, causal)"
+    corner = f"{options.rig_filter:g} Hz (4th-order Butterworth, analogue)"
     return f"""# Synthetic rig logs
 
 **No damper was ever measured for these files.** They are computed by `damperfit samples`, for

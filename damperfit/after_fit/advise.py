@@ -76,9 +76,6 @@ _FOLLOWED, _TRIED = 3, 5  # candidates that are tried, and settings
 _SEEDS = (1, 2)  # of the noise with which they are
 _UNFITTED = (SimulationError, ConditioningError, LogError)
 _FINER = 8  # times the rate of the logs
-# Behind a filter of the rig, which is not quite that of the fit, the lack of fit of a cycle of a
-# whole number of samples hangs on where they fall: at 10 Hz and 500 Hz by up to 16 times.
-_OFF_SAMPLES = 0.382  # of a sample more, so that no two of many cycles are sampled alike
 _OF_SINE = ("amplitude_m", "frequency_Hz", "cycles", "noise_N")  # of a segment
 _SLOWEST, _FASTEST = 0.1, 10.0  # Hz; the latter where the rig's is not declared
 _FASTER, _OF_TRAVEL = 2.0, 0.9  # times the tested speed, likewise; of the damper's travel
@@ -316,9 +313,10 @@ def _advise_law(run: Run, limits: RigSection, settings: Sequence[SettingResult])
     tests: tuple[NextTest, ...] = ()
     if rivals and (rig := _Rig(run, Question(LAW), limits, settings)).planned:
         counted = choice.get("effective_samples")
-        n = sum(part.get("n_samples") or 0 for part in entries_in(run.record, "stretches"))
+        segments = entries_in(run.record, "stretches")
+        stops, starts = (sum(numbers_in(segments, at)) for at in ("stop_s", "start_s"))
         if isinstance(counted, float) and counted > 0.0:  # as in the choice of the structure
-            rig.worth = max(n / counted, rig.worth)
+            rig.worth = max(rig.rate * (stops - starts) / counted, rig.worth)
         decided = (rig.decided(rivals, motion) for motion in rig.candidates())
         tests = tuple(sorted(filter(None, decided), key=lambda test: test.rank)[:_FOLLOWED])
     listed = ", ".join(names[title] for title in (tests and tests[0].decided) or titles)
@@ -418,8 +416,8 @@ def _spread(settings: Sequence[_Known], most: int) -> list[_Known]:
     return [settings[k] for k in np.linspace(0, len(settings) - 1, n).round().astype(int)]
 
 
-def _displacement_noise(run: Run, corner: float) -> float:
-    """White noise of the displacement at the rate of the logs, rms, m.
+def _displacement_noise(run: Run, corner: float, logged: float) -> float:
+    """White noise of the displacement at the rate of the logs, Hz, rms, m.
 
     As inspection found it; behind a filter of the rig, which hides it, by the spectrum between the
     motion's harmonics below the corner, of logs of one motion.
@@ -437,7 +435,8 @@ def _displacement_noise(run: Run, corner: float) -> float:
         band = (frequencies > _ABOVE * frequency) & (frequencies < _FLAT * corner)
         power = np.abs(np.fft.rfft((x - x.mean()) * window)[band]) ** 2
         if len(power):  # of a line it is exponential, with the median ln 2 times its mean
-            noises.append(math.sqrt(np.median(power) / (math.log(2.0) * float(window @ window))))
+            density = np.median(power) / (math.log(2.0) * float(window @ window) * rate)
+            noises.append(math.sqrt(density * logged))
     return median(noises) if noises else 0.0
 
 
@@ -470,7 +469,7 @@ class _Rig:
         # Samples to one that counts, of white noise behind the filter.
         effective = [log.effective_rate for log in run.logs if log.effective_rate]
         self.worth = self.rate / median(effective) if effective else 1.0
-        self.displacement_noise = _displacement_noise(run, self.options.declared_corner)
+        self.displacement_noise = _displacement_noise(run, self.options.declared_corner, self.rate)
 
     def candidates(self) -> Iterator[NextTest]:
         """Yield sines within the limits, as far as they are known without a simulation."""
@@ -479,9 +478,6 @@ class _Rig:
             limits.max_stroke / _SMALLEST, limits.max_stroke, _AMPLITUDES
         ):
             for frequency in np.geomspace(slowest, limits.max_frequency, _FREQUENCIES):
-                if self.options.rig_filter != "none":
-                    whole = math.ceil(self.rate / frequency - 1e-6)
-                    frequency = self.rate / (whole + _OFF_SAMPLES)  # noqa: PLW2901
                 seconds = 60.0 * limits.minutes - _BETWEEN
                 cycles = min(_MOST_CYCLES, int(seconds * frequency) - _RUN_IN)
                 lasts = len(self.planned) * ((cycles + _RUN_IN) / float(frequency) + _BETWEEN)
@@ -641,10 +637,10 @@ class _Rig:
         """A test as the rig writes it, conditioned; the same noise in every call.
 
         The scatter between cycles is all taken for noise of the force, white before the filter;
-        that of the displacement comes to it, for it drives the model. A filter of the rig is
-        analogue, which a filter at a multiple of the rate is nearly.
+        that of the displacement comes to it, for it drives the model. An analogue filter of the
+        rig is nearly one at a multiple of the rate.
         """
-        own, finer = self.options, 1 if self.options.rig_filter == "none" else _FINER
+        own, finer = self.options, _FINER if self.options.rig_filter == "analogue" else 1
         rate = finer * self.rate
         motion = sine_motion(
             test.amplitude, test.frequency, cycles=test.cycles + _RUN_IN, sample_rate=rate
@@ -654,8 +650,8 @@ class _Rig:
         def filtered(channels: FloatArray, rate: float) -> FloatArray:
             if own.rig_filter == "none":
                 return channels
-            design = passed_filter(own, rate)  # which completes a causal one
-            return apply_filter(design._replace(is_zero_phase=own.rig_filter != "causal"), channels)
+            design, is_whole = passed_filter(own, rate), own.rig_filter == "zero_phase"
+            return apply_filter(design._replace(is_zero_phase=is_whole), channels)
 
         # Samples of an analogue filter fall at any phase of the motion.
         first = sum(seed) % finer

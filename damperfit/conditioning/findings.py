@@ -166,7 +166,7 @@ _BEYOND_HALF = 2.0  # % of the speed; noise of 8 um makes far less, a triangle f
 
 def _rate_and_filter(seen: Seen) -> Iterator[Problem]:
     trace, log, options = seen.trace, seen.log, seen.options
-    rate, frequency = 1.0 / trace.interval, trace.frequency
+    rate, frequency = trace.sample_rate, trace.frequency
     period = rate / frequency
     text = f"sampled at {rate:.4g} Hz, {period:.4g} samples a cycle"
     if math.isfinite(options.passed_corner):
@@ -176,7 +176,7 @@ def _rate_and_filter(seen: Seen) -> Iterator[Problem]:
         text += f": velocity is {100.0 * lost:.2g} % low; sample faster"
     yield (warning if lost > 1e-2 else note)("sample_rate", text, value=rate, unit="Hz")
 
-    lost = 1.0 - gain_at(trace.model_filter, frequency, rate)
+    lost = 1.0 - gain_at(trace.model_filter, frequency, 1.0 / trace.interval)
     if lost > 1e-3:
         text = (
             f"the filter takes {100.0 * lost:.2g} % off the motion at {frequency:.3g} Hz: "
@@ -683,7 +683,7 @@ def _filtered_in_the_rig(seen: Seen) -> Iterator[Problem]:
     runs = seen.runs(fewest=1)
     text = (
         "both channels look as if the rig had filtered them: if so, set rig.filter = "
-        "'causal' or 'zero_phase' in the configuration, or parameters are wrong"
+        "'causal', 'zero_phase' or 'analogue' in the configuration, or parameters are wrong"
     )
     if not runs:
         if falls_off(log.displacement, log.force, log.interval):

@@ -11,7 +11,13 @@ from damperfit.conditioning.channels import bridge_spikes
 from damperfit.conditioning.cycles import MIN_CYCLES, FoundSegment, harmonic_powers
 from damperfit.conditioning.delay import find_delay
 from damperfit.conditioning.drive import drive_of_lines, make_drive, unclear_turns
-from damperfit.conditioning.filters import FilteredLog, apply_filter, fading_samples, with_corner
+from damperfit.conditioning.filters import (
+    FilteredLog,
+    apply_filter,
+    fading_samples,
+    with_corner,
+    with_samples_between,
+)
 from damperfit.conditioning.findings import Seen, check_velocity, examine, rows_of, samples_a_cycle
 from damperfit.conditioning.measured_characteristics import figures_in
 from damperfit.conditioning.noise import with_noise
@@ -124,7 +130,7 @@ class _Traced(NamedTuple):
 
 def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Traced:
     """Return the trace of a recording with its signs, the force moved ahead by ``delay``."""
-    logged = make_uniform(recording)
+    logged = with_samples_between(make_uniform(recording), options)
     log = without_delay(logged, delay) if delay else logged
     part = choose_compared(recording.name, log, options)
     keep, displacement = part.keep, part.seen.displacement
@@ -162,6 +168,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         n_cycles_found=part.n_found,
         model_filter=seen.model_filter._replace(bridged=bridged),
         temperature=temperature,
+        logged_interval=log.logged_interval,
         notes=() if options.rig_filter == "none" else (declared,),
     )
     left_out = (seen.log.force - seen.force)[keep] if options.is_ours else np.empty(0)

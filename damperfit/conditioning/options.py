@@ -65,8 +65,9 @@ class ConditionOptions(ConditioningSection):
 
     filter_corner: float  # Hz
     auto_corner: bool = False  # it follows the fastest motion of each log
-    # What the rig has already done to both channels. "causal": an ordinary filter in its hardware
-    # or software, both channels late by its delay. "zero_phase": forward and backward.
+    # What the rig has already done to both channels. "causal": an ordinary filter of the samples,
+    # both channels late by its delay. "zero_phase": forward and backward. "analogue": as causal,
+    # but before they are taken, or at a far higher rate.
     rig_filter: str = "none"
     rig_filter_corner: float = 30.0  # Hz, of one pass
     rig_filter_order: int = 4

@@ -53,6 +53,7 @@ class UniformLog(NamedTuple):
     displacement: FloatArray  # shape (n,); m, N
     force: FloatArray
     findings: tuple[Problem, ...] = ()  # what the stamps were like and what had to be done
+    logged_interval: float | None = None  # s; None: no samples were put in between
 
 
 def make_uniform(recording: Recording) -> UniformLog:

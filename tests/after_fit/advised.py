@@ -49,7 +49,7 @@ def half_interval(run, setting: int, question: str) -> float:
 
 def compared(damper: int, corner: float, place: Path):
     """Promised and measured shares by question and setting."""
-    rig = f'filter = "causal"\nfilter_corner = {corner}\n' if corner else ""
+    rig = f'filter = "analogue"\nfilter_corner = {corner}\n' if corner else ""
     table = truth(damper, place / "truth.csv")
 
     def made(name: str, motion: str, seed: int, cycles: float) -> list[str]:

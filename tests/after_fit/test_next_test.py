@@ -32,7 +32,7 @@ def test_a_faster_test_narrows_the_bulk_modulus_and_none_is_beyond_the_rig(short
 def test_the_rig_and_the_filter_are_those_of_the_run(tmp_path) -> None:
     """As declared for `identify`, not as they are by default."""
     make_samples(tmp_path, SampleOptions(settings=(10,), cycles=9.0, rig_filter=60.0))
-    rig = {"filter": "causal", "filter_corner": "60Hz", "max_stroke": "25mm", "max_speed": "0.6m/s"}
+    rig = {"filter": "analogue", "filter_corner": 60.0, "max_stroke": 0.025, "max_speed": 0.6}
     run = damperfit.identify([tmp_path / "setting_10.csv"], procedure="plain", rig=rig)
     advice = run.advise("r_m1")
     assert max(test.amplitude for test in advice.tests) == pytest.approx(0.025)

@@ -9,7 +9,11 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt, sosfiltfilt
 
 from damperfit.conditioning import ConditionOptions, apply_filter, condition
+from damperfit.damper.purdy.parameters import PURDY_DAMPER, reference_parameters
 from damperfit.errors import ConditioningError, ConfigurationError
+from damperfit.identification.logs import compare
+from damperfit.io import read_log
+from damperfit.synthetic import SampleOptions, make_samples
 from tests.conditioning.logs import LAW, sine_log, static_force
 
 RIG = butter(4, 30.0, fs=1000.0, output="sos")
@@ -67,6 +71,22 @@ def test_the_true_damper_fits_behind_every_filter(case):
     if case == "rig, zero-phase":  # left alone
         at = round(trace.start_time * 1000.0)
         assert np.array_equal(trace.force, log.force[at : at + len(trace.force)])
+
+
+def test_an_analogue_filter_meets_what_happens_between_the_samples(tmp_path):
+    """The jumps of friction of a fast test, as the paper's model has them behind 60 Hz."""
+    test = SampleOptions(
+        settings=(10,), amplitude=0.008, frequency=9.9, rig_filter=60.0,
+        force_noise=0.0, displacement_noise=0.0,
+    )  # fmt: skip
+    log = read_log(make_samples(tmp_path, test)[0])
+    off = {}
+    for kind in ("analogue", "causal"):
+        trace = condition(log, ConditionOptions(rig_filter=kind, rig_filter_corner=60.0))
+        seen = compare(reference_parameters(10), trace, PURDY_DAMPER)
+        off[kind] = float(np.std((seen.force - trace.force)[trace.compared]))
+        assert trace.describe()["sample_rate_Hz"] == pytest.approx(500.0)
+    assert 3.0 * off["analogue"] < off["causal"]
 
 
 @given(
