@@ -166,8 +166,11 @@ def _tell_of_run(damper: Identified, options: Shown) -> None:
         return
     corrected = (sentences_in(record, key) for key in ("tables_of_tests", "corrections"))
     grades = (f"grade withheld: {sentence}" for sentence in short_listing(withheld(damper.run)))
-    warned = (*listing(damper.run.warned), *grades)
-    _tell(options, notes=chain(configuration.notes, *corrected), warnings=warned)
+    warned = damper.run.warned
+    notes = listing(problem for problem in warned if problem.severity == "note")
+    warnings = listing(problem for problem in warned if problem.severity != "note")
+    every_note = chain(configuration.notes, *corrected, notes)
+    _tell(options, notes=every_note, warnings=(*warnings, *grades))
     groups: dict[tuple[str, str], list[Problem]] = {}
     for problem in problems_in(record, "undetermined"):
         groups.setdefault((problem.code, problem.values["quantity"]), []).append(problem)
