@@ -850,18 +850,6 @@ def forces_wanted() -> Any:
 
 
 @case
-def clicks_between() -> Any:
-    """Untested clicks of valve dampers by their force, between some where a valve stays closed."""
-    from tests.adjustment.gap_coverage import covered_of_valves
-
-    found = {}
-    for seed, stroke in ((4, "rebound"), (7, "bump")):
-        rows = covered_of_valves(1, seed=seed, strokes=[stroke])
-        found[stroke] = dict(zip(("click", "position", "low", "high", "gap"), rows.T, strict=True))
-    return found
-
-
-@case
 def valve_kinds() -> Any:
     """Valves of every kind in every layout, all parts of mounting and friction: forces, starts."""
     bleeds = itertools.cycle(("none", "orifice", "long", "leak"))
