@@ -660,13 +660,13 @@ def _temperature(seen: Seen) -> Iterator[Problem]:
             "rig.temperature to that of this test"
         )
     yield _judged("temperature", f"{mean:.1f} degC on average", mean, "degC", fault=fault)
-    low, high = percentiles(values, 2.0, 98.0)
+    low, high = percentiles(seen.recording.temperature, 2.0, 98.0)
     drift = float(high - low)
     is_wide = is_asked and drift > 2.0 * tolerance
     fault = f", more than the window of {wanted}" * is_wide
     if is_wide or drift > _WARMS:
         fault += "; let the damper settle, or record shorter logs"
-    text = f"the temperature moves by {drift:.1f} degC within the run"
+    text = f"the temperature moves by {drift:.1f} degC within the log"
     yield _judged("temperature_drift", text, drift, "degC", fault=fault)
 
 
