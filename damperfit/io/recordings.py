@@ -4,6 +4,8 @@ A servo-hydraulic controller heads each buffer that it writes like a test of its
 record are known by the step in time from the last row of a block to the first of the next.
 """
 
+import math
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -21,9 +23,7 @@ from damperfit.io.columns import (
     choose_channels,
     has_channel,
     joined_problems,
-    split_name,
     visible,
-    words_of_name,
 )
 from damperfit.io.files import Source
 from damperfit.io.formats import FloatArray, Samples, Table
@@ -50,10 +50,14 @@ _PAUSE_STEPS = 50.0  # usual sample intervals
 _MAX_PARTS = 1_000  # more than this is a clock that jumps, not tests
 _LARGEST = 1e6  # degrees, m/s: no temperature or velocity
 _CLOSEST = 1e-9  # s from sample to sample
-_CURRENT = "current of a valve"
+_CURRENT = "valve by column "
 _SINCE_1970 = 3e8  # s; so much no rig runs: the time is a date
 _CYCLES = 3  # in a piece between two pauses, the least that are evaluated
-_CURRENTS = {"current", "strom", "courant", "corrente", "corriente", "voltage", "spannung"}
+_CURRENTS = re.compile(  # or voltages, by name or unit
+    r"(?i:current|strom|courant|corrente|corriente|voltage|spannung)|[\s_(\[]m?[AV][)\]]?$"
+)
+_MOST_VALVES = 3  # columns that are looked at
+_RAW = 0.5  # correlation with the force, from which on a voltage is that of a load cell
 _RATE_KEYS = ("sampling rate", "sample rate", "sampling frequency", "sample frequency")
 
 
@@ -172,7 +176,7 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
     choices, notes = choose_channels(
         table.columns, options, needs_time=rate == 0.0, hint=table.hint
     )
-    samples, current = _loaded(table, choices)
+    samples = _loaded(table, choices)
     if not options.needs_force:
         motion = samples.channels["displacement"]
         samples = replace(samples, channels={"force": np.zeros_like(motion), **samples.channels})
@@ -226,8 +230,8 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
     more_notes += [] if is_own_time else [rate_note]
     cuts = _cuts(samples, channels, options)
     findings = (*table.findings, *samples.findings)
-    if current and len(cuts) == 1:
-        cuts, steps = _cut_at_levels(*cuts[0], samples, current, options)
+    if len(cuts) == 1:
+        cuts, steps = _cut_at_levels(*cuts[0], samples, options)
         findings = (*findings, *steps)
     title = (f"{_TITLE}{table.part}",) if table.part else ()
     sentences = (finding.message() for finding in findings)
@@ -258,20 +262,19 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
     return tests
 
 
-def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples, str]:
-    """Return the channels as logged with the current of a valve, where one is, and its name."""
+def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> Samples:
+    """Return the channels as logged, and what may be a valve's current by its column's name."""
     indices = {channel: choice.column for channel, choice in choices.items()}
     valves = [
         i
         for i, column in enumerate(table.columns)
         if i not in indices.values()
-        and _CURRENTS.intersection(words_of_name(split_name(column.name)[0]))
+        and _CURRENTS.search(f"{column.name} {column.unit or ''}".rstrip())
     ]
-    current, samples = "", None
-    if len(valves) == 1:
-        current = table.columns[valves[0]].name
-        with suppress(LogError):
-            samples = table.load({**indices, _CURRENT: valves[0]})
+    currents = {f"{_CURRENT}{visible(table.columns[i].name)}": i for i in valves[:_MOST_VALVES]}
+    samples = None
+    with suppress(LogError):
+        samples = table.load({**indices, **currents})
     samples = samples or table.load(indices)
     clock = choices.get("time")
     units = {name: choice.unit for name, choice in choices.items() if name.startswith(OWN_TIME)}
@@ -283,7 +286,7 @@ def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> tuple[Samples
         }
         channels = {name: v for name, v in samples.channels.items() if name not in units}
         samples = replace(samples, channels=channels, times=times)
-    return samples, current
+    return samples
 
 
 def _not_finite(values: FloatArray, channel: str, samples: Samples) -> LogError | None:
@@ -371,18 +374,24 @@ def _check_pieces(ends: Sequence[int], channels: Mapping[str, FloatArray]) -> No
 
 
 def _cut_at_levels(
-    first: int, stop: int, samples: Samples, name: str, options: ReadOptions
+    first: int, stop: int, samples: Samples, options: ReadOptions
 ) -> tuple[list[tuple[int, int]], tuple[Problem, ...]]:
     """Return a test cut where the current of a valve steps to another setting, and the finding."""
-    starts, levels = steps_of_level(samples.channels.get(_CURRENT, np.empty(0)))
-    if not starts:
+    currents = [channel for channel in samples.channels if channel.startswith(_CURRENT)]
+    for name in currents:
+        values, force = samples.channels[name], samples.channels["force"]
+        starts, levels = steps_of_level(values)
+        if starts and np.ptp(force) > 0.0 and abs(np.corrcoef(values, force)[0, 1]) < _RAW:
+            break
+    else:
         return [(first, stop)], ()
-    listed = ", ".join(f"{float(f'{level:.3g}'):g}" for level in levels)
+    digit = 10.0 ** (math.floor(math.log10(np.ptp(levels))) - 2)
+    listed = ", ".join(f"{round(level / digit) * digit:g}" for level in levels)
     places = ", ".join(samples.place(start) for start in starts)
     is_named = bool(options.part_settings) and options.setting is None
     text = (
-        f"column {visible(name)} steps at {places}: settings of their own, {listed}, in one "
-        f"record, read as {len(levels)} tests"
+        f"column {name.removeprefix(_CURRENT)} steps at {places}: settings of their own, {listed}, "
+        f"in one record, read as {len(levels)} tests"
     )
     text += "" if is_named else f"; name them by rig.part_settings = [{listed}]"
     finding = (note if is_named else warning)("level_steps", text, value=float(len(starts)))
