@@ -19,11 +19,11 @@ from damperfit.units.quantities import QuantityError, Unit, find_unit, is_unit, 
 
 OWN_TIME = "time of "  # and the name of the channel that it is of
 
-_COUNTED = {"millis": "ms", "micros": "us"}  # a microcontroller's clocks, named for their units
+_COUNTED = {"seconds": "s", "millis": "ms", "micros": "us"}  # clocks named for their units
 # English, German, French, Italian, Spanish.
 WORDS = {
     "time": (
-        "time", "times", "t", "ts", "elapsed", "seconds", "timestamp", "timestamps", "datetime",
+        "time", "times", "t", "ts", "elapsed", "timestamp", "timestamps", "datetime",
         "zeit", "temps", "tempo", "tiempo", "epoch", "unix", *_COUNTED,
     ),
     "displacement": (

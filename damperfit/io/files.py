@@ -86,7 +86,7 @@ def why_unread(error: Exception) -> str:
     """Return why a file cannot be read, for people."""
     if isinstance(error, FileNotFoundError):
         return "no such file"
-    return f"cannot be read: {getattr(error, 'strerror', None) or error}"
+    return f"cannot be read: {getattr(error, 'strerror', None) or str(error).lstrip(', ')}"
 
 
 def sha256_of(path: Path) -> str:

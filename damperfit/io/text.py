@@ -348,7 +348,10 @@ def _heading(rows: Sequence[_Row], start: int) -> tuple[int, int | None, int | N
         names_at = min(candidates, key=lambda i: _is_units_row(rows[i].fields))
         below = names_at + 1
         has_units = below < start and _is_units_row(rows[below].fields)
-        return (below + 1, names_at, below) if has_units else (below, names_at, None)
+        if not has_units:
+            return below, names_at, None
+        others = (i for i in range(below, len(rows)) if rows[i].fields != rows[below].fields)
+        return next(others), names_at, below
     if start - above > 1 and _is_units_row(rows[start - 1].fields):
         return start, start - 2, start - 1
     return start, start - 1 if start > above else None, None
