@@ -30,6 +30,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from graphlib import CycleError, TopologicalSorter
 from itertools import islice
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -245,17 +246,11 @@ def _check_blocks(data: bytes, *, limit: int) -> None:
         if len(successors) > _MAX_BLOCKS:
             raise LogError(f"more than {_MAX_BLOCKS} blocks in the MDF file", code="too-large")
     check_size(unpacked, limit=limit, subject="the MDF file")
-    done: set[int] = {0}
-    for start in successors:
-        chain: set[int] = set()
-        at = start
-        while at not in done and at not in chain:
-            chain.add(at)
-            at = successors.get(at, 0)
-        if at in chain:
-            text = f"damaged MDF file: the block at byte {at} leads to itself"
-            raise LogError(text, code="damaged")
-        done |= chain
+    try:
+        TopologicalSorter({at: [following] for at, following in successors.items()}).prepare()
+    except CycleError as error:
+        text = f"damaged MDF file: the block at byte {error.args[1][0]} leads to itself"
+        raise LogError(text, code="damaged") from error
 
 
 # Excel.
@@ -342,8 +337,4 @@ def _cell(value: Any) -> str:
         value = value.total_seconds()
     if isinstance(value, int | float):
         return repr(value)
-    if isinstance(value, dt.datetime):
-        return value.isoformat(" ")
-    if isinstance(value, dt.date | dt.time):
-        return value.isoformat()
     return re.sub(r"\s+", " ", str(value)).replace('"', "'").strip()

@@ -176,7 +176,7 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
     choices, notes = choose_channels(
         table.columns, options, needs_time=rate == 0.0, hint=table.hint
     )
-    samples = _loaded(table, choices)
+    samples = _loaded(table, choices, options)
     if not options.needs_force:
         motion = samples.channels["displacement"]
         samples = replace(samples, channels={"force": np.zeros_like(motion), **samples.channels})
@@ -262,13 +262,14 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
     return tests
 
 
-def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> Samples:
+def _loaded(table: Table, choices: Mapping[str, ChannelChoice], options: ReadOptions) -> Samples:
     """Return the channels as logged, and what may be a valve's current by its column's name."""
     indices = {channel: choice.column for channel, choice in choices.items()}
     valves = [
         i
         for i, column in enumerate(table.columns)
         if i not in indices.values()
+        and options.bad_rows != "drop"  # or rows without a current
         and _CURRENTS.search(f"{column.name} {column.unit or ''}".rstrip())
     ]
     currents = {f"{_CURRENT}{visible(table.columns[i].name)}": i for i in valves[:_MOST_VALVES]}
