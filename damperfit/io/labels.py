@@ -256,7 +256,8 @@ def _declaring(pattern: str, adjusters: Sequence[str] = (), every: str = "") -> 
         declared = ", ".join(f'{name} = ""' for name in adjusters)
         texts.append(
             f"{'or, where several adjusters were turned, ' if pattern else ''}declare them in a "
-            f"configuration, [adjusters] {declared}, and give it with {{config}} and {{every}}"
+            f"configuration (damperfit init LOGS writes it), [adjusters] {declared}, and give it "
+            "with {config} and {every}"
         )
         values |= {"config": Option("config"), "every": Option("rig", every, "setting_pattern")}
     return note("setting-in-names", "; ".join(texts), **values) if texts else None
