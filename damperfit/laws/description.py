@@ -238,7 +238,8 @@ class _Tests:
 
     @property
     def slower(self) -> str:
-        return f"a test slower than the {self.slowest:.2g} m/s of these, {0.2 * self.slowest:.2g}"
+        tested, wanted = self.slowest, 0.2 * self.slowest
+        return f"a test slower than the {tested:.2g} m/s of these, at {wanted:.2g} m/s,"
 
 
 def undecided(
