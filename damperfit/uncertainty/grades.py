@@ -110,6 +110,7 @@ _SPOILING_ZERO = {
 _SPOILING_MISSED = {
     "rig_filter": "{log} looks filtered in the rig, and a misfit repeats: declare rig.filter",
     "force_smoothed": "the force of {log} is smoothed, and a misfit repeats: log it unfiltered",
+    "values_repeated": "a converter of {log} is slow, and a misfit repeats: log at its own rate",
 }
 _LEAST = dict.fromkeys(("force_clipping", "displacement_clipping"), LIMITS.clipped_percent)
 _LEAST["force_trend"] = LIMITS.trend_percent

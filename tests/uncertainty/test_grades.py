@@ -178,15 +178,16 @@ def test_no_number_that_a_fault_puts_off_has_a_grade(name) -> None:
     assert not off
 
 
+@pytest.mark.parametrize("code", ["rig_filter", "force_smoothed", "values_repeated"])
 @pytest.mark.parametrize("severity", ["warning", "note"])
-def test_a_log_whose_warning_is_of_spoilt_numbers(severity) -> None:
+def test_a_log_whose_warning_is_of_spoilt_numbers(severity, code) -> None:
     is_warned = severity == "warning"
     drifting = Problem("force_drift", "it drifts", severity, values={"value": 2.0})
     held = logged(having(status={"f_0": Status.FIXED}), findings=(drifting,))
     assert kinds(held, told(misses=False)) == ["log"] * is_warned
     free = replace(held, status={**held.status, "f_0": Status.FITTED})
     assert kinds(free, told(misses=False)) == []
-    filtered = logged(having(), findings=(Problem("rig_filter", "both are filtered", severity),))
+    filtered = logged(having(), findings=(Problem(code, "both are filtered", severity),))
     for noise, is_missed in ((0.05 / 31.1, True), (0.05 / 30.9, False)):
         found = kinds(filtered, told(0.05, noise))
         assert ("log" in found) == (is_warned and is_missed)
