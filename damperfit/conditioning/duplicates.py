@@ -106,7 +106,7 @@ class Contradiction(NamedTuple):
 
     first: Trace
     second: Trace
-    stroke: str  # rebound or bump
+    stroke: str  # rebound or compression
     forces: tuple[float, float]  # peaks, N
     speed: float  # m/s
     # The difference, times what tests of one setting may differ by, and times what the scatter of
@@ -123,9 +123,8 @@ class Contradiction(NamedTuple):
         how = "contradict each other"
         if not self.excess > 1.0:
             how = "differ by more than their cycles scatter"
-        stroke = "rebound" if self.stroke == "rebound" else "compression"
         text = (
-            f"{self.first.name} and {self.second.name} {how}: peak force in {stroke} {a:.4g} "
+            f"{self.first.name} and {self.second.name} {how}: peak force in {self.stroke} {a:.4g} "
             f"N and {b:.4g} N at {self.speed:.3g} m/s, {size:.3g} % apart"
         )
         if first is not None and second is not None and abs(first - second) > _WARMER:
@@ -151,9 +150,9 @@ def _differences(first: Trace, second: Trace, a: Segment, b: Segment) -> Iterato
     # A quarter of both ranges is half of their mean.
     scale = 0.25 * sum(figure.peak_force_rebound - figure.peak_force_bump for figure in figures)
     noise = math.hypot(*(s.noise for s in (a, b) if not math.isnan(s.noise)))
-    for stroke in ("rebound", "bump"):
-        forces = [getattr(figure, f"peak_force_{stroke}") for figure in figures]
-        speeds = [getattr(figure, f"peak_speed_{stroke}") for figure in figures]
+    for stroke, name in (("rebound", "rebound"), ("compression", "bump")):
+        forces = [getattr(figure, f"peak_force_{name}") for figure in figures]
+        speeds = [getattr(figure, f"peak_speed_{name}") for figure in figures]
         # A force grows with the square of the speed at most.
         by_speed = 2.0 * abs(math.log(speeds[0] / speeds[1])) * max(map(abs, forces))
         gap = abs(forces[0] - forces[1])

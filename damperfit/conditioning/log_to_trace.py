@@ -225,7 +225,7 @@ def _with_whole(
     moving = ((max(y.first - reach, 0), min(y.stop + reach, last), y) for y in beside.segments)
     parts = [replace(segment, first=begin, stop=end) for begin, end, segment in moving]
     parts += [part_of.segment for part_of in part.parts]
-    parts_of = [FoundSegment(y, y.first - reach - 1.0, y.stop + reach + 1.0) for y in parts]
+    parts_of = [FoundSegment(y, y.first - reach, y.stop + reach) for y in parts]
     seen, own = _driven(seen, parts_of, slice(None), options)
     whole = replace(
         whole, force=seen.force, model_filter=seen.model_filter, drive=own.part(slice(None), centre)

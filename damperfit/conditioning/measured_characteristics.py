@@ -110,8 +110,9 @@ def peak_velocity_forces(
         return float(np.max(speed)), nothing, nothing
     is_first = np.diff(passage, prepend=-1) != 0
     starts, stops = fast[is_first], fast[np.append(is_first[1:], True)]
-    halves = 0.25 * median(stops - starts + 1)
-    middles = (0.5 * (starts + stops))[stops - starts + 1 >= halves]
+    lengths = stops - starts + 1
+    halves = 0.25 * median(lengths)
+    middles = (0.5 * (starts + stops))[lengths >= halves]
     few = [np.arange(math.ceil(m - halves), math.floor(m + halves) + 1) for m in middles]
     at = np.clip(np.concatenate(few), 0, len(speed) - 1)
     which = np.repeat(np.arange(len(few)), [len(places) for places in few])

@@ -586,12 +586,10 @@ def _is_same(result: FitResult, other: FitResult, block: Block) -> bool:
             continue  # a flat direction is one minimum however far along it a fit stopped
         a, b = getattr(result.values, name), getattr(other.values, name)
         quantity = result.values.quantity(name)
+        unit = block.deviation if quantity.is_offset else quantity.size
         if quantity.is_logarithmic:
-            limit = max(_SAME, _SAME_ERRORS * error) * max(a, b)
-        else:
-            unit = block.deviation if quantity.is_offset else quantity.size
-            limit = max(_SAME * quantity.size, _SAME_ERRORS * error * unit)
-        if abs(a - b) > limit:
+            unit = max(a, b)
+        if abs(a - b) > max(_SAME, _SAME_ERRORS * error) * unit:
             return False
     return True
 

@@ -320,7 +320,7 @@ def _damped(steps: _Steps, slope: float, radius: float, damping: float) -> tuple
     if excess <= _NEAR * radius:
         return 0.0, step
     low = excess / radius / step.shrinkage if steps.is_full_rank else 0.0
-    high = slope / radius or _DWARF / min(radius, 0.1)
+    high = slope / radius
     damping = min(max(damping, low), high) or slope / step.length
     for trial in range(1, _MAX_TRIALS + 1):
         damping = damping or max(_DWARF, 1e-3 * high)

@@ -244,6 +244,10 @@ def test_preloads_that_are_unlike_are_no_offset(with_gas) -> None:
     # An offset that no preload explains is told still.
     fit.parameters.f_0 = 1000.0
     assert offset_mismatch(fit, "f_0", with_gas.gas)[0] > LIMITS.offset
+    # Beside a log without preloads this one says nothing.
+    plain = condition(logged(sine(2.5, 0.02, 20), lambda _, v: 3000.0 * v - GAS), with_gas)
+    fit.parameters.f_0, fit.logs = 0.0, [*fit.logs, SimpleNamespace(trace=plain)]
+    assert offset_mismatch(fit, "f_0", with_gas.gas)[1] == pytest.approx(0.0, abs=20.0)
 
 
 @pytest.mark.parametrize(("rebound", "bump"), [(700.0, 100.0), (700.0, 30.0)])

@@ -23,6 +23,7 @@ from damperfit.laws.law_fit import (
     LawFit,
     LawSearch,
     SettingLogs,
+    most_unlike,
     undetermined,
 )
 from damperfit.recording import Trace
@@ -91,6 +92,17 @@ def test_a_moving_mass_and_a_softer_gas_spring_ask_for_a_second_frequency() -> N
     assert said.endswith("decides it, or a second speed, at 0.3 Hz.")
     (said,) = told([one], 1.0, 1.26)
     assert "the displacement is read late" in said
+
+
+def test_settings_are_compared_at_the_weakest_and_the_strongest_force_and_evenly_between() -> None:
+    one = log(1.0)
+    logs = [
+        SettingLogs(Setting.of(place), (replace(one, force=size * one.force),))
+        for place, size in enumerate((3.0, 1.0, 5.0, 2.0, 4.0), start=1)
+    ]
+    assert most_unlike(logs) == [2, 3]
+    assert most_unlike(logs, 3) == [1, 2, 3]
+    assert most_unlike(logs[:2], 3) == [1, 2]
 
 
 def felt(share: float) -> Trace:
