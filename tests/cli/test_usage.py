@@ -174,6 +174,7 @@ def refused(run, logs, results, tmp_path, monkeypatch):
     return ended_with
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("row", USAGE, ids=lambda row: row.partition(" -> ")[0])
 def test_wrong_usage(refused, row) -> None:
     words, says, code = re.fullmatch(r"(.*) -> (.*?)(?: #([\w-]+))?", row).groups()

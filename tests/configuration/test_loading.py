@@ -241,6 +241,7 @@ SECTIONS = default_document()
 ANY_NUMBER = {"temperature", "centre"}
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("value", ['"\u00a7"', "-1e99", "[[1]]", "{x=1}"])
 @pytest.mark.parametrize("section", SECTIONS)
 def test_every_key_is_blamed_where_it_was_typed(write, section: str, value: str) -> None:

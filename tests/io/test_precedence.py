@@ -62,6 +62,7 @@ def found(options: ReadOptions, key: str) -> object:
     return value.get(channel, SI.get(default, default)) if channel else value
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("key", VALUES)
 def test_the_nearest_word_counts_also_where_it_is_the_default(tmp_path, key) -> None:
     assert {one.partition(".")[0] for one in VALUES} == set(Declarations.entries())
