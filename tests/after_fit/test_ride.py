@@ -226,7 +226,8 @@ def test_a_setting_that_is_beaten_within_its_interval_is_said_so() -> None:
     assert certain.undecided == ()
 
 
-def test_a_car_that_needs_more_stroke_than_there_is_is_left_out(fitted) -> None:
+def test_a_car_that_needs_more_stroke_than_there_is_is_left_out(fitted, monkeypatch) -> None:
+    monkeypatch.setattr(ride, "_SECONDS", 4.0)
     rough = CAR.but(road="F", speed=15.0)
     rides = ride.ride_on_road(fitted, rough, (fitted.setting(1), fitted.setting(20)))
     assert rides.lost == ("1",)

@@ -95,20 +95,6 @@ def test_measured_curves_are_compared_without_a_model(run, raw, campaigns, form)
     assert 5.0 < line["percent_ci_low"] < line["percent_ci_high"] < 10.0  # between R and R squared
 
 
-@pytest.mark.slow
-def test_repeats_of_the_reference_are_the_measure(run, campaigns) -> None:
-    before, after = campaigns / "before", campaigns / "after"
-    found = pair(run, before, after, "--repeats", campaigns / "again")
-    assert [one["name"] for one in found["repeats"]] == ["again"]
-    assert found["notes"][0].startswith("the scatter of A is that of 2 runs, 1 degree of freedom")
-    single = pair(run, before, after)
-    line, other = (
-        next(one for one in document["lines"] if one["name"] == "r_m1")
-        for document in (found, single)
-    )
-    assert line["first_value"] != other["first_value"]
-
-
 def test_a_gate_that_is_missed_ends_with_code_4(run, campaigns) -> None:
     before, after = campaigns / "before", campaigns / "after"
     points = compared(run, before, after, "--tolerance", "2%", "--junit", "j.xml", code=4)["points"]

@@ -140,6 +140,11 @@ def identified(folder: Path, *options: object) -> tuple[int, pd.DataFrame, dict]
     return code, pd.read_parquet(out / "parameters.parquet").set_index("setting"), record
 
 
+def made(folder: Path, *words: str) -> None:
+    """Make logs of two settings."""
+    assert main(["samples", str(folder), "--settings", "1,20", "--cycles", "6", *words]) == 0
+
+
 def test_an_offset_that_the_choice_has_free_is_free_in_the_fit(tared) -> None:
     code, frame, _ = identified(tared)
     assert code == 0
@@ -180,21 +185,7 @@ def test_a_fit_that_is_not_the_choice_is_a_failure_with_both_numbers(tmp_path) -
 def test_a_low_gas_pressure_that_is_declared_is_asked_for_once(tmp_path, capsys) -> None:
     config = tmp_path / "damper.toml"
     config.write_text('[damper]\nmodel = "twin_tube"\ngas_pressure = "1.9bara"\n')
-    assert (
-        main(
-            [
-                "samples",
-                str(tmp_path),
-                "--settings",
-                "1,20",
-                "--cycles",
-                "6",
-                "--config",
-                str(config),
-            ]
-        )
-        == 0
-    )
+    made(tmp_path, "--config", str(config))
     config.write_text('[damper]\ngas_pressure = "1.9bara"\n')
     code, frame, record = identified(tmp_path, "--config", config)
     assert code == 0
@@ -209,21 +200,7 @@ def test_a_low_gas_pressure_that_is_declared_is_asked_for_once(tmp_path, capsys)
 
 
 def test_options_for_what_the_chosen_law_lacks_cost_no_results(tmp_path) -> None:
-    assert (
-        main(
-            [
-                "samples",
-                str(tmp_path),
-                "--settings",
-                "1,20",
-                "--cycles",
-                "6",
-                "--model",
-                "twin_tube",
-            ]
-        )
-        == 0
-    )
+    made(tmp_path, "--model", "twin_tube")
     code, frame, record = identified(
         tmp_path, "--fix", "r_m3=2.6e6", "--profile", "r_m1", "--procedure", "joint",
         "--share", "r_m2",
