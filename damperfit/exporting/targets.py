@@ -462,11 +462,11 @@ def determined_line(tables: Sequence[ForceTable]) -> str:
         which = f"s {names[0]} to {names[-1]}" if len(names) > 1 else f" {names[0]}"
         items.append(f"{speed} at setting{which}")
     tested = {f"{table.tested:.3g}" for table in tables}
-    beyond = "; beyond it only if the valves go on as fitted, which no log shows"
+    beyond = ", if the valves go on as fitted, which no log shows"
     beyond *= any(table.determined > table.tested for table in tables)
     return (
-        f"force determined by the logs (95 % interval within 5 %) to {', '.join(items)}; tested to "
-        f"{' to '.join(sorted({min(tested), max(tested)}))} m/s{beyond}"
+        f"tested to {' to '.join(sorted({min(tested), max(tested)}))} m/s; from there the 95 % "
+        f"interval is within 5 % of the damping up to {', '.join(items)}{beyond}"
     )
 
 

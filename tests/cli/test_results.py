@@ -271,7 +271,7 @@ def test_an_export_is_a_folder_or_a_file_and_tells_what_it_loses(run, exported, 
     ended = run("export", exported, "--to", "carsim", "--out", "there", "--extend", "0.4")
     assert "on a class B road" in ended.err
     assert "the tables are untested" in ended.err
-    assert ended.err.splitlines()[-1].startswith("note: force determined by the logs")
+    assert ended.err.splitlines()[-1].startswith("note: tested to")
 
 
 # Parameters hold for one damper: which one is always said, and never another one taken.

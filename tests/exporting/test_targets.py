@@ -62,7 +62,7 @@ def test_every_file_says_whose_it_is_and_what_is_in_it(name, handed) -> None:
         facts = (
             "front left", "A <7>", "amplitude to 32 mm", "speed to 0.3016 m/s", "0.5 to 1.5 Hz",
             "25.1 to 27 degC", "MSE of the fit", "gas:", "rebound", run.run.digest, "taken out:",
-            "force determined by the logs (95 % interval within 5 %) to",
+            "from there the 95 % interval is within 5 % of the damping up to",
             f"damperfit {__version__}",
         )  # fmt: skip
         for fact in facts:
