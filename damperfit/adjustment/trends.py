@@ -495,11 +495,11 @@ def _sentence(trend: Trend, quantity: Quantity, error: float, n: int) -> str:
         None: "shows no trend beyond its errors and scatter",
     }[trend.direction]
     kind = f"{_DEGREE_NAMES[trend.degree or 0]}{_ON[trend.scale or ''] if trend.degree else ''}"
-    unit = f" {quantity.unit}" if quantity.unit else ""
+    scale, unit = quantity.shown
     scatter = f"{100.0 * trend.scatter:.2g} %"
     text = (
-        f"{quantity.symbol} {words}, {engineering(first.value)}{unit} at {adjuster} "
-        f"{first.setting}, {engineering(last.value)}{unit} at {last.setting} ({kind})"
+        f"{quantity.symbol} {words}, {engineering(scale * first.value)}{unit} at {adjuster} "
+        f"{first.setting}, {engineering(scale * last.value)}{unit} at {last.setting} ({kind})"
     )
     if trend.held:
         text += f" with {trend.held}"
@@ -530,7 +530,10 @@ def in_few_words(trends: Iterable[Trend]) -> tuple[str, ...]:
     """
     texts: dict[str, list[str]] = {}
     for trend in trends:
-        texts.setdefault(trend.why or trend.sentence, []).append(trend.symbol if trend.why else "")
+        symbol, why = trend.symbol, trend.why
+        if trend.degree is None and not why:  # of a folder from before the reason stood alone
+            symbol, _, why = trend.sentence.partition(": ")
+        texts.setdefault(why or trend.sentence, []).append(symbol if why else "")
     return tuple(
         f"{', '.join(symbols)}: {words}" if symbols[0] else words
         for words, symbols in texts.items()

@@ -131,6 +131,13 @@ class Quantity:
         return "" if self.unit == "1" else f" {self.unit}"
 
     @property
+    def shown(self) -> tuple[float, str]:
+        """Factor and unit of its numbers in sentences: those of tables, if the unit has a name."""
+        if self.shown_unit and not self.shown_unit[0].isdigit():
+            return 10.0**-self.power, f" {self.shown_unit}"
+        return 1.0, self.unit_after
+
+    @property
     def is_offset(self) -> bool:
         """Whether it is a force of either sign that is added: a tare."""
         return self.role == OFFSET

@@ -264,7 +264,7 @@ def number(value: float | None, *, digits: int = 5) -> str:
         return NOTHING
     if value == 0.0:
         return "0"
-    if not 1e-3 <= abs(value) < 10.0**digits:
+    if not 1e-3 <= abs(value) < 1e5:
         return f"{value:.{digits - 1}e}"
     return f"{value:.{_decimals(value, digits)}f}"
 

@@ -677,7 +677,8 @@ def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Ite
     for quantity in fit.parameters.quantities:
         name = quantity.name
         value, status = fit.parameters[name], fit.status[name]
-        words = f"{name} = {engineering(value, digits=5)}{quantity.unit_after}"
+        scale, unit = quantity.shown
+        words = f"{quantity.symbol} = {engineering(scale * value, digits=5)}{unit}"
         if sharing.follows.get(name):
             continue
         is_own = quantity.default is None and not quantity.is_shared
@@ -693,8 +694,8 @@ def procedure_sentences(configuration: Configuration, campaign: Campaign) -> Ite
             yield f"{words} is shared by all settings, found from the logs{spread}."
         elif is_own and options.free and not is_asked:
             yield (
-                f"{name} of each setting is held at what a first fit of its logs gave, as it "
-                "was not freed; its error is not in those of the others."
+                f"{quantity.symbol} of each setting is held at what a first fit of its logs "
+                "gave, as it was not freed; its error is not in those of the others."
             )
         elif status == Status.FIXED and value != quantity.default:
             yield f"{words} is fixed."

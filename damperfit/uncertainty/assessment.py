@@ -305,8 +305,8 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
     tied: str,
 ) -> str:
     status, quantity = fit.status[name], fit.parameters.quantity(name)
-    unit, value = quantity.unit_after, getattr(fit.parameters, name)
-    seen = "" if profile is None else _seen(profile, unit)
+    (scale, unit), value = quantity.shown, fit.parameters[name]
+    seen = "" if profile is None else _seen(profile, quantity)
     limit = f" ({seen})" if seen else ""
     if status == Status.FIXED:
         return f"held at the value given{limit}"
@@ -326,25 +326,25 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
     if profile is not None and profile.is_complete and (profile.is_flat or not interval.misfit):
         where = seen
     if profile is not None and profile.better is not None:
-        better = f"{profile.better.value:.4g}{unit}"
+        better = f"{scale * profile.better.value:.4g}{unit}"
         where += f", a better minimum lies near {better}: fit with 20 starts"
     if status != Status.NOT_IDENTIFIABLE:
         if interval.misfit > 0.0:
             where += (
-                f" (standard errors: {interval.error:.2g}{unit} from noise, "
-                f"{interval.misfit:.2g}{unit} from lack of fit)"
+                f" (standard errors: {scale * interval.error:.2g}{unit} from noise, "
+                f"{scale * interval.misfit:.2g}{unit} from lack of fit)"
             )
         origin = f"shared by {whose or 'all settings'}" if status == Status.SHARED else "fitted"
         return f"{origin}, {where}{tied}"
-    used = f"; {value:.4g}{unit} is used"
+    used = f"; {scale * value:.4g}{unit} is used"
     used_for = f"{used} for {whose}" if whose else ""
     if profile is not None and profile.shape == "flat upward":
         part = "mounting" if quantity.is_of_mounting else "oil" * quantity.is_open
         rigid = f", as with rigid {part}" * bool(part)
         return (
-            f"not identifiable upward: at least {profile.low:.4g}{unit} (95 %), and any higher "
-            f"value fits these logs as well{rigid}{tied}{used_for or used}; hold it, or fit faster "
-            "logs with more force"
+            f"not identifiable upward: at least {scale * profile.low:.4g}{unit} (95 %), and any "
+            f"higher value fits these logs as well{rigid}{tied}{used_for or used}; hold it, or fit "
+            "faster logs with more force"
         )
     if closed:
         return f"{closed}; hold it, or fit faster logs with more force"
@@ -357,11 +357,12 @@ def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:
     """A sentence on a number of a blow-off that no log opens; empty for others."""
     least, quantity = known.unopened.get(name), fit.parameters.quantity(name)
     if least is not None:
-        value, unit = getattr(fit.parameters, name), quantity.unit_after
+        (scale, unit), value = quantity.shown, fit.parameters[name]
         used = "" if value > least else " with a slope that lets next to nothing through"
         return (
-            f"these logs do not open it: it opens above {least:.4g}{unit}, the highest pressure "
-            f"on it in them, and any higher value fits as well; {value:.4g}{unit} is used{used}"
+            f"these logs do not open it: it opens above {scale * least:.4g}{unit}, the highest "
+            "pressure on it in them, and any higher value fits as well; "
+            f"{scale * value:.4g}{unit} is used{used}"
         )
     is_beside = quantity.group == "blow_off" and quantity.beside("opening") in known.unopened
     return "these logs do not determine it: they do not open the blow-off" * is_beside
@@ -369,19 +370,19 @@ def _unopened(name: str, fit: Fit, known: Uncertainty) -> str:
 
 def _span(low: float, high: float, quantity: Quantity) -> str:
     """Its 95 %; an end beyond the plausible range is no limit."""
-    (least, most), unit = quantity.plausible, quantity.unit_after
+    (least, most), (scale, unit) = quantity.plausible, quantity.shown
+    lowest, highest = f"{scale * low:.4g}", f"{scale * high:.4g}{unit}"
     if low >= least:
-        return (
-            f"95 % {f'from {low:.4g} to {high:.4g}' if high <= most else f'above {low:.4g}'}{unit}"
-        )
+        return f"95 % from {lowest} to {highest}" if high <= most else f"95 % above {lowest}{unit}"
     if high <= most:
-        return f"95 % below {high:.4g}{unit}"
+        return f"95 % below {highest}"
     return "no value of its plausible range is excluded"
 
 
-def _seen(profile: MisfitProfile, unit: str) -> str:
+def _seen(profile: MisfitProfile, quantity: Quantity) -> str:
     """What the misfit along the parameter says."""
-    low, high = profile.low, profile.high
+    scale, unit = quantity.shown
+    low, high = (end and scale * end for end in (profile.low, profile.high))
     if not profile.is_complete:
         return "its profile was not completed; ask for profiles"
     if low is not None and high is not None:

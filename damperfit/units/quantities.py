@@ -255,6 +255,6 @@ def engineering(value: float, *, digits: int = 4) -> str:
     if value == 0.0 or not math.isfinite(value):
         return f"{value:g}"
     decade = int(f"{value:.{digits - 1}e}".partition("e")[2])  # of the rounded value
-    power = 3 * (decade // 3)
+    power = 0 if decade == 3 else 3 * (decade // 3)  # 1039, but 10.39e3
     text = f"{value / 10.0**power:.{max(0, digits - 1 - decade + power)}f}"
     return f"{text}e{power}" if power else text
