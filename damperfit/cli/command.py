@@ -102,6 +102,9 @@ def _own_configuration(*, is_quiet: bool) -> str | None:
             places = (folder / "damperfit.toml" for folder in (working, *working.parents))
             path = next((place for place in places if place.is_file()), None)
             name = None if path is None else path.name if path.parent == working else str(path)
+    elif not Path(name).exists():
+        where = f"DAMPERFIT_CONFIG={name}"
+        raise ConfigurationError("no such file", subject=where, code="no-such-file")
     if name is not None and not is_quiet:
         say(f"note: configuration of {name}")
     return name
