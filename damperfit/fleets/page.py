@@ -199,7 +199,7 @@ def write_page(folder: Path, fleet: Survey) -> Path:
 
     An InstallationError: plotly is not installed; an OutputError: the files cannot be written.
     """
-    page = fleet_page(fleet, title=folder.resolve().parent.name)
+    page = fleet_page(fleet, title=f"Fleet {folder.resolve().parent.name}")
     names = ["damper", "series", "setting", "value", "median", "low", "high", "distance"]
     settings = [str(fleet.settings[k]) for k in fleet.outliers["setting"]]
     outliers = fleet.outliers.assign(setting=settings)[names].astype({"setting": str})

@@ -87,7 +87,7 @@
     plot.panels.forEach((panel, row) => {
       // The upper panel takes the larger part.
       const domain = n === 1 ? [0, 1] : row === 0 ? [0.42, 1] : [0, 0.34];
-      layout[row ? `yaxis${row + 1}` : "yaxis"] = { ...common, title: { text: label(panel.y), standoff: 8 }, domain, type: panel.log ? "log" : "linear", exponentformat: "power", ...(panel.log ? { dtick: 1 } : {}) };
+      layout[row ? `yaxis${row + 1}` : "yaxis"] = { ...common, title: { text: label(panel.y), standoff: 8 }, domain, type: panel.log ? "log" : "linear", exponentformat: "power", ...(panel.log ? { dtick: 1, tickfont: { size: printing ? 8 : 10 } } : {}) };
     });
     return layout;
   }
