@@ -132,7 +132,7 @@ class FleetDone(Answer):
 
     @property
     def remarks(self) -> tuple[Problem, ...]:  # type: ignore[override]
-        """Failures, missed gates, and the tasks that an interrupt has left."""
+        """Failures, also of earlier runs, missed gates, and what an interrupt has left."""
         owners = [(task.owner or "logs", task) for task in self.done]
         failures = [problem.of(owner) for owner, task in owners for problem in task.failures]
         gates = [problem.of(owner) for owner, task in owners for problem in task.gates]
@@ -147,12 +147,8 @@ class FleetDone(Answer):
 
     @property
     def written(self) -> tuple[str, ...]:
-        """Where parts and tables are, and failures of an earlier run in them."""
+        """Where parts and tables are."""
         lines = []
-        if n_before := sum(task.n_failures - len(task.failures) for task in self.done):
-            verb, pronoun = ("counts", "it") if n_before == 1 else ("count", "them")
-            count = counted(n_before, "failure")
-            lines.append(f"{count} of an earlier run {verb} too; the parts hold {pronoun}")
         if self.n_tasks and not self.is_stopped:
             lines.append(f"parts in {self.folder}")
         if self.n_rows is not None:

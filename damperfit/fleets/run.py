@@ -26,6 +26,7 @@ from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.fleets.parts import (
     SYMBOL,
+    errors_in,
     forget_earlier,
     part_path,
     read_facts_of,
@@ -233,7 +234,7 @@ class State(Enum):
 
 
 class Done(NamedTuple):
-    """Outcome of one task; failures of an earlier part are counted, not listed."""
+    """Outcome of one task."""
 
     owner: str
     state: State
@@ -262,7 +263,11 @@ def _part_of(
         return path, key, None
     touch(path)
     numbers = (facts.get(name, 0) for name in ("settings", "failures", "gates"))
-    return path, key, Done(task.owner, State.KNOWN, len(task.logs), *numbers)
+    known = Done(task.owner, State.KNOWN, len(task.logs), *numbers)
+    if known.n_failures:
+        failures = tuple(Problem("earlier", error) for error in errors_in(path))
+        known = known._replace(failures=failures)
+    return path, key, known
 
 
 def _known_already(configuration: Configuration, folder: Path, task: DamperTask) -> Done | None:

@@ -93,7 +93,7 @@ def test_a_bad_log_is_a_row_with_its_reason_and_not_tried_again(three, out, tmp_
     assert run(three, "--out", out) == 1
     said = capsys.readouterr()
     assert "3 done before" in said.out
-    assert "1 failure of an earlier run counts too; the parts hold it" in said.err
+    assert "D2: D2/setting_05.csv: empty file" in said.err
 
 
 def test_where_no_log_can_be_fitted_or_a_gate_is_missed_the_code_says_so(three, tmp_path, out):
