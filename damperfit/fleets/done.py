@@ -55,7 +55,7 @@ class FleetDone(Answer):
         """Exit code of the command; failures of earlier parts count like those of new ones."""
         if self.is_stopped:
             return 130
-        if any(task.n_failures for task in self.done):
+        if any(task.failures for task in self.done):
             return 1 if any(task.n_settings for task in self.done) else 3
         is_missed = self.check is not None and bool(self.check.missed)
         return 4 if is_missed or any(task.n_gates for task in self.done) else 0

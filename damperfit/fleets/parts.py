@@ -108,11 +108,6 @@ def read_facts_of(path: Path) -> dict[str, Any]:
     return facts if isinstance(facts, dict) else {}
 
 
-def errors_in(path: Path) -> list[str]:
-    """Return what failed in a part, a sentence each."""
-    return [text for text in part_table(path)[0]["error"].to_pylist() if text]
-
-
 def renew_facts(path: Path, **changed: Any) -> None:
     """Write a part again with other facts and the same rows."""
     with suppress(ConfigurationError):  # `collect` refuses a damaged one

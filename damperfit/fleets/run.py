@@ -26,7 +26,6 @@ from damperfit.damper.temperature_law import WithTemperature
 from damperfit.errors import ConfigurationError, failure_of
 from damperfit.fleets.parts import (
     SYMBOL,
-    errors_in,
     forget_earlier,
     part_path,
     read_facts_of,
@@ -54,6 +53,7 @@ from damperfit.results import Run
 from damperfit.run.identify import identified
 from damperfit.run.logs import Labels
 from damperfit.tables.columns import adjusters_in, table_schema
+from damperfit.tables.files import part_table
 from damperfit.tested.identity import Identity, identity_in
 from damperfit.tested.setting import ADJUSTER
 from damperfit.workers import Cluster, Died, Processes, executor
@@ -240,14 +240,13 @@ class Done(NamedTuple):
     state: State
     n_logs: int
     n_settings: int = 0  # with a fit
-    n_failures: int = 0
     n_gates: int = 0
     failures: tuple[Problem, ...] = ()
     gates: tuple[Problem, ...] = ()  # that were missed
 
 
 def _later(task: DamperTask, reason: Problem) -> Done:
-    return Done(task.owner, State.LATER, len(task.logs), n_failures=1, failures=(reason,))
+    return Done(task.owner, State.LATER, len(task.logs), failures=(reason,))
 
 
 def _part_of(
@@ -262,12 +261,10 @@ def _part_of(
     if not path.exists() or not (facts := read_facts_of(path)):
         return path, key, None
     touch(path)
-    numbers = (facts.get(name, 0) for name in ("settings", "failures", "gates"))
-    known = Done(task.owner, State.KNOWN, len(task.logs), *numbers)
-    if known.n_failures:
-        failures = tuple(Problem("earlier", error) for error in errors_in(path))
-        known = known._replace(failures=failures)
-    return path, key, known
+    counts = (len(task.logs), facts.get("settings", 0), facts.get("gates", 0))
+    errors = part_table(path)[0]["error"].to_pylist() if facts.get("failures") else []
+    failures = tuple(Problem("earlier", error) for error in errors if error)
+    return path, key, Done(task.owner, State.KNOWN, *counts, failures=failures)
 
 
 def _known_already(configuration: Configuration, folder: Path, task: DamperTask) -> Done | None:
@@ -366,8 +363,8 @@ def _fitted(
     # Rows of several dampers are no one run.
     write_part(path, table, facts, records[0] if len(records) == 1 and rows else None)
     return Done(
-        *(task.owner, State.FITTED if rows else State.FAILED, len(task.logs)),
-        *(len(rows), len(failed), len(gates)),
+        *(task.owner, State.FITTED if rows else State.FAILED),
+        *(len(task.logs), len(rows), len(gates)),
         failures=tuple(
             Problem(failure.code, row["error"])
             for row, (_, failure) in zip(failed, failures, strict=True)

@@ -181,7 +181,7 @@ def test_trouble_of_the_machine_leaves_the_damper_for_the_next_run(
         if name:
             patch.setattr(f"damperfit.fleets.run.{name}", breaks)
         done = list(run_fleet(configuration, tasks, out, engine()))
-    assert {(one.state, one.n_failures) for one in done} == {(State.LATER, 1)}
+    assert {(one.state, len(one.failures)) for one in done} == {(State.LATER, 1)}
     assert all(says in str(one.failures[0]) for one in done)
     assert parts_in(out) == []
     stopping: list = []
