@@ -343,8 +343,8 @@ def _verdict(  # noqa: PLR0911 - a sentence for each way a value was found
         rigid = f", as with rigid {part}" * bool(part)
         return (
             f"not identifiable upward: at least {scale * (profile.low or 0.0):.4g}{unit} (95 %), "
-            f"and any higher value fits these logs as well{rigid}{tied}{used_for or used}; hold it, "
-            "or fit faster logs with more force"
+            f"and any higher value fits these logs as well{rigid}{tied}{used_for or used}; hold "
+            "it, or fit faster logs with more force"
         )
     if closed:
         return f"{closed}; hold it, or fit faster logs with more force"
