@@ -354,8 +354,8 @@ class IdentificationSection(Section):
         'parameters held at a value, in TOML as {f_f = "50N", k_e = 5e8}',
         form=dict[str, float | str], option="NAME=VALUE", panel="Fit", kind="values")
     share: list[str] = key(["r_m3", "f_f"],
-        "parameters shared by all settings in a joint fit; detect, the default of every model "
-        "but the paper's: those that no adjuster moves, as the logs show",
+        "parameters shared by all settings in a joint fit; in other models by default what is "
+        "the damper's or the rig's, with several adjusters detect: what none moves, as logs show",
         option="NAME,NAME", panel="Fit", kind="quantities")
     untie: list[str] = key([],
         "parameters of the damper or the rig that get a value per setting in a fit of all "

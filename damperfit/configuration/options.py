@@ -325,7 +325,8 @@ def build_configuration(
     model = document["damper"]["model"]
     defaults: dict[str, Any] = {}  # defaults of the model, for what is not declared
     if model != "purdy":
-        defaults = {"procedure": MODELS[model].procedures[0], "share": [DETECT]}
+        share = [DETECT] if len(document["adjusters"]) > 1 else []
+        defaults = {"procedure": MODELS[model].procedures[0], "share": share}
     if document["damper"]["reference_temperature"] != "none":
         defaults["procedure"] = "joint"
     defaults = {k: v for k, v in defaults.items() if f"identification.{k}" not in declared}
@@ -434,7 +435,7 @@ def _fit_options(
         free=fit["free"] or None,
         fixed=in_si("fix"),
         start=GivenStart(in_si("start_values")),
-        share=_with_beta(damper, fit["share"], {*fit["free"], *fit["fix"]}),
+        share=_with_beta(damper, fit["share"], {*fit["free"], *fit["fix"]}) or None,
         follows=followed(adjusters, damper, is_law_open=is_open),
         from_closed=tuple(name for name, word in counted if word == _CLOSED),
         solver=SolverOptions(tolerance=fit["tolerance"], dead_band=fit["dead_band"]),
@@ -472,7 +473,7 @@ def facts_of_damper(damper: Model, chosen: Collection[str]) -> dict[str, Any]:
 
 def _with_beta(damper: Model, names: tuple[str, ...], chosen: Collection[str]) -> tuple[str, ...]:
     """Return the shared quantities, with that of temperature, which belongs to the damper."""
-    is_declared = BETA.name in {*names, *chosen} or names == ("detect",)
+    is_declared = BETA.name in {*names, *chosen} or names in {(), (DETECT,)}
     return names if is_declared or not isinstance(damper, WithTemperature) else (*names, BETA.name)
 
 

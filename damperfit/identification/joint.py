@@ -144,8 +144,8 @@ def declared_sharing(
     adjusters: tuple[str, ...],
     untied: Sequence[str] = (),
 ) -> Sharing:
-    """What does not follow an adjuster as declared is the damper's, but for what is each log's."""
-    each = adjusters if SETTING in adjusters else ()  # clicks that are not distinguished
+    """What follows which adjuster: as declared, the rest none; by scope where none is declared."""
+    each = adjusters if SETTING in adjusters or not follows else ()
     whole = {name: each if damper.quantity(name).scope == SETTING else () for name in moving}
     whole |= _known(damper, moving, adjusters)
     whole |= {n: tuple(a for a in adjusters if a in follows[n]) for n in moving if n in follows}
@@ -358,7 +358,7 @@ def fit_settings_jointly(
     meets a bug is left out for good, and the second value returned says why.
     """
     # Where something follows an adjuster, settings take part too that leave a quantity open.
-    is_plain = not (given.options.is_detecting or given.options.follows)
+    is_plain = not (given.options.is_by_scope or given.options.follows)
     outcomes = [Outcome.CONVERGED] if is_plain else [end for end in Outcome if end.is_minimum]
     sound = {fit.setting: fit for fit in before if fit.outcome in outcomes}
     broken: dict[Setting, Failure] = {}
@@ -392,7 +392,7 @@ def _fit_sound(
         return None
     free = given.ordered({*moving, *((GAS_FOLLOWER,) if is_gas else ())})
     blocks = {setting: given.block(setting, free) for setting in sound}
-    if sharing is None or options.is_detecting or options.follows:
+    if sharing is None or options.is_by_scope or options.follows:
         single = {setting: fit.parameters for setting, fit in sound.items()}
         sharing, starts, more = detected_sharing(
             blocks, single, sharing, untied=options.untied, jobs=given.jobs

@@ -74,8 +74,8 @@ class FitOptions:
     # what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
     max_evaluations: int = 100
-    # None: what the model says is the damper's or the rig's; `DETECT` alone: what no adjuster
-    # moves, as the logs show it or `follows` declares it.
+    # None: what is the damper's or the rig's (detected, a bleed with 8 % a click was pooled);
+    # `DETECT` alone: what no adjuster moves, as the logs show it or `follows` declares it.
     share: tuple[str, ...] | None = None
     # Parameters that have one value for each click of some adjusters, as declared.
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -94,6 +94,11 @@ class FitOptions:
     def is_detecting(self) -> bool:
         """Whether a joint fit shares what no adjuster moves."""
         return self.share == (DETECT,)
+
+    @property
+    def is_by_scope(self) -> bool:
+        """Whether nobody has named what a joint fit shares."""
+        return self.share is None or self.is_detecting
 
     def fallback(self, quantity: Quantity) -> float | None:
         """Return what to take for a quantity that no log fixes; None: nothing is known of it."""
@@ -127,7 +132,7 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
         if name in options.fixed:
             text = f"{name} follows an adjuster and is fixed; choose one."
             refuse(text, "followed-and-fixed", ("identification", "fix"))
-    for name in share if options.procedure == "joint" and not options.is_detecting else ():
+    for name in share if options.procedure == "joint" and not options.is_by_scope else ():
         if name in {*options.fixed, *free}:
             text = f"{name} is shared and also free or fixed; choose one."
             refuse(text, "shared-and-fixed", ("identification", "share"), ("free", "fix"))
@@ -162,7 +167,7 @@ def check_options(  # noqa: C901, PLR0912 - one question after the other
 def shared_names(options: FitOptions, damper: Model) -> tuple[str, ...]:
     """The parameters that a joint fit shares, or, to detect them, that no adjuster could move."""
     shared: Iterable[str] = options.share or ()
-    if options.share is None or options.is_detecting:
+    if options.is_by_scope:
         shared = (q.name for q in damper.quantities if q.is_shared and q.default is None)
     return tuple(name for name in shared if name not in options.untied)
 

@@ -480,9 +480,6 @@ def identify(
         raise LogError("identify: found no log to fit; give one trace or more", code="no-log")
     watched = on_fit or (lambda _fit: None), cancelled or (lambda: False)
     settings = _by_setting(traces)
-    is_chosen = options.start.is_of_one_model  # by a search, which hands on what is free
-    if options.procedure == "joint" and len(settings) == 1 and not is_chosen:  # nothing is shared
-        options = replace(options, procedure=_before_joint(damper))
     given = ProcedureInput(settings, damper, options, max(1, jobs), *watched)
     # BLAS threads spin between the small products of a fit and take the core that the next
     # setting's thread needs.
@@ -555,14 +552,10 @@ def _plain(given: ProcedureInput) -> Campaign:
         return replace(campaign, fits=tuple(pool.map(lean, campaign.fits)))
 
 
-def _before_joint(damper: Model) -> str:
-    return "paper" if "paper" in damper.procedures else "plain"
-
-
 def _joint(given: ProcedureInput) -> Campaign:
     """One fit over the settings, from the model's own procedure; unsound ones follow it."""
     damper, fixed, start = given.damper, given.options.fixed, given.options.start
-    name = _before_joint(damper)
+    name = "paper" if "paper" in damper.procedures else "plain"
     sharing, moving = _sharing_of(given)
     has_model = start.is_of_one_model and all(s in start.by_setting for s in given.settings)
     if sharing is not None and sharing.jointly and has_model:
@@ -571,6 +564,8 @@ def _joint(given: ProcedureInput) -> Campaign:
             starts = {s: with_given(given, s, first, fixed) for s in given.settings}
             once = replace(given, options=replace(given.options, starts=1))
             return _each_beside(once, fit_from_one_model(given, sharing, starts))
+    if len(given.settings) == 1:  # nothing is shared
+        return PROCEDURES[name](replace(given, options=replace(given.options, procedure=name)))
     quiet = replace(given, on_fit=lambda _fit: None)
     by_paper = {TAKEN, MEAN} if name == "paper" and not (sharing and sharing.follows) else set()
     shared = {*(shared_names(given.options, damper) if sharing is None else sharing.jointly)}
@@ -601,11 +596,11 @@ def _joint(given: ProcedureInput) -> Campaign:
         failures = tuple(failed[setting] for setting in sorted(failed))
         return replace(before, procedure="joint", fits=fits, failures=failures, warnings=warnings)
     campaign = _each_beside(given, together, before.fits, before.warnings, known=failed)
+    sharing = campaign.sharing
     if any(damper.quantity(n).is_friction for n in shared):
         spread, is_certain = before.sharing.spread, before.sharing.is_spread_certain
-        sharing = replace(campaign.sharing, spread=spread, is_spread_certain=is_certain)
-        return replace(campaign, sharing=sharing)
-    return campaign
+        sharing = replace(sharing, spread=spread, is_spread_certain=is_certain)
+    return replace(campaign, sharing=sharing)
 
 
 def _each_beside(
@@ -640,15 +635,16 @@ def _sharing_of(given: ProcedureInput) -> tuple[Sharing | None, tuple[str, ...]]
     wanted = [
         q.name for q in damper.quantities if q.default is None and q.name not in options.fixed
     ]
-    is_handed_on = options.start.is_of_one_model and options.share and not options.is_detecting
-    if is_handed_on or not (options.is_detecting or options.follows):
+    is_handed_on = options.start.is_of_one_model and not options.is_by_scope
+    if is_handed_on or not (options.is_by_scope or options.follows):
         shared = given.ordered(shared_names(options, damper))
         # What is neither shared nor fixed is the settings' own: R_m3 or f_f too.
         rest = () if options.follows else (name for name in wanted if name not in shared)
         moving = given.ordered({*(options.free or rest), *shared})
         return Sharing(moving, shared, options.follows, bool(options.follows)), moving
-    moving = given.ordered({*(options.free or wanted), *options.follows})
-    if not options.follows:
+    both = (name for name in wanted if damper.quantity(name).is_shared)
+    moving = given.ordered({*(options.free or wanted), *options.follows, *both})
+    if options.is_detecting and not options.follows:
         return None, moving
     adjusters = min(given.settings).adjusters
     return declared_sharing(damper, moving, options.follows, adjusters, options.untied), moving

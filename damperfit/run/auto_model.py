@@ -538,13 +538,12 @@ def _options_of(configuration: Configuration, best: LawFit) -> FitOptions:
     """What is fitted of the law that was taken, and how."""
     model, options = best.model, configuration.identification
     procedure = model.procedures[0]
-    share: tuple[str, ...] | None = (DETECT,)
+    is_detecting = not isinstance(model, Damper) and len(configuration.document["adjusters"]) > 1
+    share: tuple[str, ...] | None = (DETECT,) if is_detecting else None
     if "identification.procedure" in configuration.declared:
         procedure = options.procedure if options.procedure in model.procedures else procedure
     if "identification.share" in configuration.declared or configuration.damper.name == model.name:
         share = options.share
-    elif isinstance(model, Damper):
-        share = None
     if share is not None and share != (DETECT,):
         share = tuple(name for name in share if name in model.names)
     options = replace(

@@ -28,7 +28,7 @@ OWN, SHARED = ("r_m1", "r_m2", "k_e"), ("r_m3", "f_f")
 
 def test_it_is_the_minimum_of_one_big_least_squares() -> None:
     logs, settings = traces([2, 9, 17], noise=4.0, duration=4.0), (2, 9, 17)
-    options = FitOptions("joint")
+    options = FitOptions("joint", share=SHARED)
     fits = identify(logs, PURDY_DAMPER, options).fits
     rms = [
         np.sqrt(fit.mse_percent / 100.0) * np.std(log.force[log.compared])
