@@ -325,8 +325,7 @@ def build_configuration(
     model = document["damper"]["model"]
     defaults: dict[str, Any] = {}  # defaults of the model, for what is not declared
     if model != "purdy":
-        share = [DETECT] if len(document["adjusters"]) > 1 else []
-        defaults = {"procedure": MODELS[model].procedures[0], "share": share}
+        defaults = {"procedure": MODELS[model].procedures[0], "share": []}
     if document["damper"]["reference_temperature"] != "none":
         defaults["procedure"] = "joint"
     defaults = {k: v for k, v in defaults.items() if f"identification.{k}" not in declared}

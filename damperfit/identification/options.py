@@ -74,8 +74,8 @@ class FitOptions:
     # what 4 N of noise does; a fit with less misfit is refined with a tighter integrator.
     solver: SolverOptions = SolverOptions(tolerance=1e-2)
     max_evaluations: int = 100
-    # None: what is the damper's or the rig's (detected, a bleed with 8 % a click was pooled);
-    # `DETECT` alone: what no adjuster moves, as the logs show it or `follows` declares it.
+    # None: what is the damper's or the rig's (detected, a bleed with 8 % a click was pooled), or
+    # as `DETECT` with several adjusters: what none moves, as logs show or `follows` declares.
     share: tuple[str, ...] | None = None
     # Parameters that have one value for each click of some adjusters, as declared.
     follows: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -644,9 +644,10 @@ def _sharing_of(given: ProcedureInput) -> tuple[Sharing | None, tuple[str, ...]]
         return Sharing(moving, shared, options.follows, bool(options.follows)), moving
     both = (name for name in wanted if damper.quantity(name).is_shared)
     moving = given.ordered({*(options.free or wanted), *options.follows, *both})
-    if options.is_detecting and not options.follows:
-        return None, moving
     adjusters = min(given.settings).adjusters
+    # Which of several adjusters moves a valve is left open; that the only one does is not.
+    if not options.follows and (options.is_detecting or len(adjusters) > 1):
+        return None, moving
     return declared_sharing(damper, moving, options.follows, adjusters, options.untied), moving
 
 

@@ -538,8 +538,7 @@ def _options_of(configuration: Configuration, best: LawFit) -> FitOptions:
     """What is fitted of the law that was taken, and how."""
     model, options = best.model, configuration.identification
     procedure = model.procedures[0]
-    is_detecting = not isinstance(model, Damper) and len(configuration.document["adjusters"]) > 1
-    share: tuple[str, ...] | None = (DETECT,) if is_detecting else None
+    share: tuple[str, ...] | None = None
     if "identification.procedure" in configuration.declared:
         procedure = options.procedure if options.procedure in model.procedures else procedure
     if "identification.share" in configuration.declared or configuration.damper.name == model.name:
