@@ -129,7 +129,7 @@ class RunComparison:
             first = ["measured: identical, both have the same logs, byte for byte"]
             measured = ()
         groups = [
-            (measured, "measured forces and energies"),
+            (measured, "measured forces and energies (% of A's as logged)"),
             (self.of("force"), "forces"),
             (self.of("parameter"), "parameters"),
         ]

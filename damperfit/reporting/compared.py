@@ -352,7 +352,7 @@ def junit_report(points: Sequence[Point], *, source: str) -> bytes:
         for point in group:
             name = f"setting {point.setting}"
             if not math.isnan(point.speed):
-                name += f", {point.stroke}, {point.units.write_speed(point.speed)}"
+                name += f", {STROKE_WORDS[point.stroke]}, {point.units.write_speed(point.speed)}"
             facts = {"classname": printable(run), "name": printable(name)}
             case = SubElement(suite, "testcase", facts)
             if not point.is_met:
