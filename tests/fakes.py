@@ -92,7 +92,8 @@ def fit(
 
 def campaign(*fits: Fit, **more: object) -> Campaign:
     """Return a campaign of these fits."""
-    return Campaign(procedure="paper", fits=fits, **more)  # type: ignore[arg-type]
+    quantities = {"quantities": fits[0].parameters.quantities} if fits else {}
+    return Campaign(procedure="paper", fits=fits, **{**quantities, **more})  # type: ignore[arg-type]
 
 
 def make_tables(done: Campaign, *, facts: object = None, **how: object) -> dict[str, pa.Table]:

@@ -72,12 +72,7 @@ class Campaign:
     sharing: Sharing = Sharing()  # how the shared parameters were estimated
     searches: tuple[Search, ...] = ()  # what fits from many starts found, where asked for
     failure: Failure | None = None  # what damperfit got wrong in a step over all settings
-    named: tuple[Quantity, ...] = ()  # quantities of the model, where no fit has them
-
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """What the model has; nothing where neither it nor a fit is known."""
-        return self.named or (self.fits[0].parameters.quantities if self.fits else ())
+    quantities: tuple[Quantity, ...] = ()  # of the model
 
     @property
     def gaps(self) -> tuple[tuple[int, int], ...]:
@@ -490,7 +485,9 @@ def identify(
         for search in campaign.searches
         if search.warning
     )
-    return replace(campaign, warnings=(*campaign.warnings, *ambiguous), named=damper.quantities)
+    return replace(
+        campaign, warnings=(*campaign.warnings, *ambiguous), quantities=damper.quantities
+    )
 
 
 def _by_setting(traces: Sequence[Trace]) -> dict[Setting, tuple[Trace, ...]]:

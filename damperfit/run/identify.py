@@ -314,7 +314,7 @@ def _fits(configuration: Configuration, batch: LogBatch, *, jobs: int, watch: Wa
 
     damper, options = configuration.damper, configuration.identification
     if not batch.traces or watch.cancelled():
-        return Campaign(options.procedure, (), named=damper.quantities)
+        return Campaign(options.procedure, (), quantities=damper.quantities)
 
     def note(fit: Fit) -> None:
         _LOGGER.debug(
