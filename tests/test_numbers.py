@@ -619,7 +619,11 @@ def oil() -> Any:
         "rigid": replace(own, k_e=1e12),
         "soft": replace(own, k_e=3e7),
     }
-    return {name: told(fit([log(sine(), one, setting=16)])) for name, one in values.items()}
+    found = {name: told(fit([log(sine(), one, setting=16)])) for name, one in values.items()}
+    # Explained by a chamber that empties or without it, equally well: without it.
+    own = reference_parameters(2)
+    loose = FLAWS["mounting"](log(sine(), replace(own, r_m3=1.1 * own.r_m3), setting=2))
+    return {**found, "loose": told(fit([loose], procedure="plain"))}
 
 
 @case
