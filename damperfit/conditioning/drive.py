@@ -157,6 +157,8 @@ def make_drive(
     seen: FilteredLog, parts_of: Sequence[FoundSegment], options: ConditionOptions
 ) -> Drive:
     """Return the displacement and velocity that drive the model; at the level where it rests."""
+    if options.rig_filter != "none" and options.rig_filter_corner > options.filter_corner:
+        return _least_in_error(_behind_ours(seen, options), parts_of, options)
     if not options.is_ours:
         return Drive(seen.displacement, seen.velocity, math.inf)
     log = seen.log
@@ -172,6 +174,19 @@ def make_drive(
     for part, level in rests:
         x[part], v[part] = level, 0.0
     return Drive(x, v, drive.corner)
+
+
+def _behind_ours(seen: FilteredLog, options: ConditionOptions) -> FilteredLog:
+    """A log that the rig has filtered, its displacement behind our filter too.
+
+    The noise that a rig lets through up to 60 Hz turns the friction near the ends of the stroke: at
+    1.4 Hz the MSE of five settings was 3.5 to 6.4 times that of noise, 1.5 to 2.5 times without it.
+    """
+    log = seen.log._replace(displacement=seen.displacement)
+    corner, order = options.filter_corner, options.filter_order
+    design = design_filter("zero_phase", corner, sample_rate=1.0 / log.interval, order=order)
+    x = apply_filter(design, log.displacement)
+    return seen._replace(log=log, displacement=x, velocity=differentiate(x, log.interval))
 
 
 def _least_in_error(

@@ -86,6 +86,7 @@ def test_an_analogue_filter_meets_what_happens_between_the_samples(tmp_path):
         seen = compare(reference_parameters(10), trace, PURDY_DAMPER)
         off[kind] = float(np.std((seen.force - trace.force)[trace.compared]))
         assert trace.describe()["sample_rate_Hz"] == pytest.approx(500.0)
+        assert trace.drive.corner == pytest.approx(30.0)  # noise beyond turns no friction
     assert 3.0 * off["analogue"] < off["causal"]
 
 
