@@ -76,6 +76,9 @@ _FOLLOWED, _TRIED = 3, 5  # candidates that are tried, and settings
 _SEEDS = (1, 2)  # of the noise with which they are
 _UNFITTED = (SimulationError, ConditioningError, LogError)
 _FINER = 8  # times the rate of the logs
+# Where a cycle is a whole number of samples, what is read of friction's jumps hangs on where they
+# fall in it; an analogue filter has met them between the samples.
+_OFF_SAMPLES = 0.382  # of a sample more, so that no two of many cycles are sampled alike
 _OF_SINE = ("amplitude_m", "frequency_Hz", "cycles", "noise_N")  # of a segment
 _SLOWEST, _FASTEST = 0.1, 10.0  # Hz; the latter where the rig's is not declared
 _FASTER, _OF_TRAVEL = 2.0, 0.9  # times the tested speed, likewise; of the damper's travel
@@ -478,6 +481,9 @@ class _Rig:
             limits.max_stroke / _SMALLEST, limits.max_stroke, _AMPLITUDES
         ):
             for frequency in np.geomspace(slowest, limits.max_frequency, _FREQUENCIES):
+                if self.options.rig_filter != "analogue":
+                    whole = math.ceil(self.rate / frequency - 1e-6)
+                    frequency = self.rate / (whole + _OFF_SAMPLES)  # noqa: PLW2901
                 seconds = 60.0 * limits.minutes - _BETWEEN
                 cycles = min(_MOST_CYCLES, int(seconds * frequency) - _RUN_IN)
                 lasts = len(self.planned) * ((cycles + _RUN_IN) / float(frequency) + _BETWEEN)
