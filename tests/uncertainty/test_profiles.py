@@ -102,7 +102,7 @@ def test_a_short_slow_stroke_leaves_the_bulk_modulus_flat_upward() -> None:
     assert again.fits[0].status["k_e"] == "not_identifiable"
     assert again.fits[0].outcome is Outcome.NOT_IDENTIFIABLE
     said = judged.verdicts(again)[10]["k_e"]
-    assert said.startswith(f"not identifiable upward: at least {profile.low:.4g} Pa (95 %), and")
+    assert said.startswith(f"not identifiable upward: at least {1e-6 * profile.low:.4g} MPa (95 %)")
 
 
 def test_no_friction_has_an_upper_limit() -> None:
