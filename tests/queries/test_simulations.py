@@ -211,3 +211,11 @@ def test_a_lone_table_is_of_the_damper_that_is_declared(tmp_path) -> None:
     assert done.choice.parameters["c_r"] == 2000.0
     with pytest.raises(ConfigurationError, match="give config="):
         damperfit.simulate(3, parameters=path)
+
+
+def test_a_log_of_time_and_displacement_alone_drives_as_the_whole_log_does(tmp_path) -> None:
+    log, motion = Path(__file__).parents[2] / "sample_runs" / "setting_10.csv", tmp_path / "x.csv"
+    rows = (line.split(",")[:2] for line in log.read_text().splitlines() if line[0] != "#")
+    motion.write_text("\n".join(map(",".join, rows)))
+    whole, lone = (damperfit.simulate(10, displacement=path) for path in (log, motion))
+    assert lone.force == pytest.approx(whole.force, abs=1e-3)
