@@ -63,18 +63,13 @@ def is_same_test(first: Trace, other: Trace) -> bool:
         return False
     if not math.isclose(first.interval, other.interval, rel_tol=1e-6):
         return False
-    span = float(np.ptp(first.force)) or 1.0
+    span, stroke = (float(np.ptp(values)) or 1.0 for values in (first.force, first.displacement))
     noise = min(trace.fastest.noise for trace in (first, other))
-    limits = {
-        "force": _SAME * span,
-        "displacement": _SAME * (float(np.ptp(first.displacement)) or 1.0),
-    }
+    force, way = _SAME * span, _SAME * stroke
     if noise > 0.0:
-        limits["force"] = min(limits["force"], max(_OF_NOISE * noise, _DIGITS * span))
-    return all(
-        math.sqrt(float(np.mean((getattr(first, name) - getattr(other, name)) ** 2))) <= limit
-        for name, limit in limits.items()
-    )
+        force = min(force, max(_OF_NOISE * noise, _DIGITS * span))
+    pairs = (first.force - other.force, force), (first.displacement - other.displacement, way)
+    return all(math.sqrt(float(np.mean(apart**2))) <= limit for apart, limit in pairs)
 
 
 def share_a_motion(first: Trace, second: Trace) -> bool:

@@ -22,6 +22,7 @@ curve of second degree through them is taken off before they are said to scatter
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from itertools import combinations, pairwise
 from typing import NamedTuple
@@ -105,7 +106,7 @@ def examine(seen: Seen) -> tuple[Problem, ...]:
 _MADE_BY = {
     "values_repeated": {"force_stuck", "displacement_stuck", "force_smoothed"},
     "force_stuck": {"force_smoothed"},
-    "frozen_rows": {"unsteady_cycles", "force_smoothed", "rig_filter"},
+    "frozen_rows": {"unsteady_cycles", "force_smoothed", "rig_filter", "displacement_stuck"},
     "another_force": {"cycle_scatter", "force_trend", "force_drift"},
 }
 
@@ -127,32 +128,43 @@ def _judged(name: str, text: str, value: float, unit: str = "", *, fault: str = 
 
 
 _FROZEN_ROWS, _JUMP = 5, 5.0
+_FROZEN, _BACK = 0.2, 0.3  # of a cycle, for one channel; of the range of the other
 
 
 def _rows(seen: Seen) -> Iterator[Problem]:
-    """Both channels; a logger that drops out repeats its last row: a rest ends in no jump."""
-    recording, trace = seen.recording, seen.trace
+    """Both channels; a logger that drops out repeats its last row, or the last value of one."""
+    recording, trace, period = seen.recording, seen.trace, samples_a_cycle(seen.trace)
     # The model is driven through what stands between segments, too.
     driven = seen.rows(*trace.segments)
-    compared = seen.rows(trace.fastest)
-    yield from examine_channels(recording, driven, compared, period=samples_a_cycle(trace))
-    steps = np.abs(np.diff(recording.displacement))
-    is_still = (steps == 0.0) & (np.diff(recording.force) == 0.0)
-    if not is_still.any() or is_still.all():
-        return
-    begins, ends = parts_where(is_still)
-    begins, ends = begins[ends < len(steps)], ends[ends < len(steps)]
-    is_frozen = ends - begins >= _FROZEN_ROWS
-    is_frozen &= steps[ends] > _JUMP * median(steps[~is_still])
-    begins, ends = begins[is_frozen], ends[is_frozen]
-    if n := len(begins):
-        lasting = 1e3 * median(recording.time[ends] - recording.time[begins])
-        text = (
-            f"rows are frozen: both channels stand still {n} time{'s' * (n > 1)}, for "
-            f"{lasting:.3g} ms, and jump then, first from row {int(begins[0]) + 1} of the data; "
-            "the logger drops out: record again, or cut these parts out"
-        )
-        yield warning("frozen_rows", text, value=float(n))
+    yield from examine_channels(recording, driven, seen.rows(trace.fastest), period=period)
+    steps, holds = np.abs(np.diff(recording.displacement)), np.diff(recording.force) == 0.0
+    stands = steps == 0.0
+    jump = _JUMP * median(steps[~stands])
+
+    def goes_on(first: int, last: int, beside: FloatArray | None) -> bool:
+        """A rest ends in no jump, and in a rest the other channel goes one way."""
+        if beside is None:
+            return last < len(steps) and bool(steps[last] > jump)
+        part = beside[first : last + 1]
+        ways = np.maximum.accumulate(part) - part, part - np.minimum.accumulate(part)
+        return min(float(way.max()) for way in ways) > _BACK * float(np.ptp(beside))
+
+    for name, is_still, beside, cycles in (
+        ("both channels stand", stands & holds, None, 0.0),
+        ("the displacement stands", stands, recording.force, _FROZEN),
+        ("the force stands", holds, recording.displacement, _FROZEN),
+    ):
+        ends = np.transpose(parts_where(is_still))
+        ends = ends[np.diff(ends)[:, 0] >= max(_FROZEN_ROWS, cycles * period)]
+        frozen = np.array([(a, b) for a, b in ends.tolist() if goes_on(a, b, beside)])
+        if n := len(frozen):
+            lasting = 1e3 * median(np.diff(recording.time[frozen]))
+            text = (
+                f"rows are frozen: {name} still {counted(n, 'time')}, for {lasting:.3g} ms, while "
+                f"the rig moves, first from row {frozen[0, 0] + 1} of the data; the logger drops "
+                "out: record again, or cut these parts out"
+            )
+            yield warning("frozen_rows", text, value=float(n))
 
 
 # Rate, filter and what drives the model.
@@ -381,12 +393,9 @@ def _declared(metadata: Mapping[str, str], name: str, unit: str) -> float | None
             if unit == "mm" and "mm" not in key:
                 continue  # a bare number of an unknown unit
             text += unit
-        try:
-            value = parse_quantity(text, dimension) if text else 0.0
-        except ValueError:
-            continue
-        if value > 0.0:
-            return value
+        with suppress(ValueError):
+            if text and (value := parse_quantity(text, dimension)) > 0.0:
+                return value
     return None
 
 
@@ -609,14 +618,10 @@ def _zero_drift(trace: Trace, *, is_warming: bool) -> Iterator[Problem]:
     share = 100.0 * drift / half
     text = f"the mean force drifts by {drift:+.3g} N over the cycles, {abs(share):.2g} % of the "
     text += "peak"
-    fault = ""
-    if not (abs(share) <= _FORCE_DRIFT or abs(drift) <= (_SURE, _SURE_OF_FEW)[are_few] * error):
-        if is_warming:
-            text += ", as the peaks change with the temperature"
-        else:
-            fault = (
-                "; other values take it where no offset is free; check amplifier and temperature"
-            )
+    is_sound = abs(share) <= _FORCE_DRIFT or abs(drift) <= (_SURE, _SURE_OF_FEW)[are_few] * error
+    text += ", as the peaks change with the temperature" * (is_warming and not is_sound)
+    fault = "; other values take it where no offset is free; check amplifier and temperature"
+    fault *= not (is_warming or is_sound)
     if fault or not are_few:
         yield _judged("force_drift", text, share, "%", fault=fault)
 

@@ -107,6 +107,19 @@ def test_rest_at_the_end_of_the_stroke_is_no_clipping_and_no_stand():
     assert "frozen_rows" not in warned(moving(0.032 * np.sin(3 * np.pi * np.maximum(t - 1, 0))))
 
 
+@pytest.mark.parametrize("channel", ["displacement", "force"])
+def test_one_channel_that_is_frozen_amid_the_motion_is_told(channel):
+    log = sine_log(cycles=16.0, rate=500.0)  # no cycle is found where the displacement stands
+
+    def froze(values):
+        values[1500:2600] = values[1500]
+        return values
+
+    assert "row 1501 " in str(warned(changed(log, channel, froze))["frozen_rows"])
+    # A rest in which the force decays stands for as long.
+    assert "frozen_rows" not in warned(logged(dwelling(), relaxing, steps=(1e-6, 0.0)))
+
+
 # An undeclared filter in the rig is remarked on; a raw log is not.
 
 
