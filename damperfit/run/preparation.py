@@ -35,7 +35,7 @@ from damperfit.errors import ConfigurationError, ContradictionError, LogError, f
 from damperfit.identification.options import HoldOutOptions
 from damperfit.identification.procedures import Campaign
 from damperfit.identification.unlike_motions import contradictory_motions
-from damperfit.problem import Failure, Option, Problem, counted, listed_names, warning
+from damperfit.problem import Failure, Option, Problem, counted, listed_names, note, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.run.log_files import expand, real_path
 from damperfit.run.logs import LogBatch
@@ -139,6 +139,7 @@ def prepare(
             "the force was tared between the tests"
         )
         batch.remarks.append(warning("rod-area", text))
+    configuration = _filled_as_tested(configuration, batch)
     ours = getattr(configuration.damper, "gas_pressure", math.nan)
     tested = [log.gas_pressure for log in batch.traces if log.gas_pressure is not None]
     if tested and all(abs(pressure / ours - 1.0) > _GAS_OFF for pressure in tested):
@@ -150,6 +151,20 @@ def prepare(
         batch.remarks.append(warning("gas-pressure", text))
     hold_out_transients(batch, options)
     return configuration if is_law_open else with_reference(configuration, batch.traces)
+
+
+def _filled_as_tested(configuration: Configuration, batch: LogBatch) -> Configuration:
+    """Return the configuration with the one gas pressure that all logs state, where it has none."""
+    pressures = {log.gas_pressure for log in (*batch.traces, *batch.held_out)}
+    pressure = pressures.pop() if len(pressures) == 1 else None
+    if pressure is None or "gas_pressure" not in configuration.undeclared:
+        return configuration
+    text = f"damper.gas_pressure is taken from the logs: {1e-5 * pressure:.4g} bar absolute in each"
+    batch.remarks.append(note("gas-pressure", text))
+    return replace(
+        configuration.with_damper(configuration.damper.filled_to(pressure)),
+        declared=configuration.declared | {"damper.gas_pressure"},
+    )
 
 
 def once_each(batch: LogBatch) -> None:

@@ -166,3 +166,14 @@ def test_tests_at_several_pressures_are_fitted_together_and_their_level_tells_th
     apart = [replace(log, setting=k) for k, log in enumerate(logs)]
     for few in (logs[:1], apart, untold):
         assert rod_area_ratio(few, PURDY_DAMPER) is None
+
+
+@pytest.mark.parametrize(("pressures", "taken"), [((8e5, 8e5), 8e5), ((8e5, 9e5), 4.6e5)])
+def test_one_pressure_that_all_logs_state_is_the_dampers(pressures, taken) -> None:
+    logs = [replace(log, setting=k) for k, log in enumerate(logs_at(*pressures), start=1)]
+    plain = load_configuration()
+    own = prepare(plain, batch(*logs), plain.hold_out, {})
+    assert own.damper.gas_pressure == taken
+    assert ("gas_pressure" in own.undeclared) is (taken == plain.damper.gas_pressure)
+    declared = replace(plain, declared=plain.declared | {"damper.gas_pressure"})
+    assert prepare(declared, batch(*logs), plain.hold_out, {}).damper is plain.damper
