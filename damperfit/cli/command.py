@@ -19,6 +19,7 @@ from damperfit import __version__
 from damperfit.arguments import PANELS, Keyword, keyword_of, option_of
 from damperfit.cli.console import say, set_colour, show_steps
 from damperfit.errors import ConfigurationError
+from damperfit.problem import Option
 from damperfit.sections import SECTIONS
 
 COMMON = ("json", "quiet", "debug", "version")
@@ -238,9 +239,18 @@ class PanelledCommand(TyperCommand):
     """A command whose help has panels."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse words that no argument takes; a lone number is meant as setting."""
-        ctx.allow_extra_args = True
+        """Refuse words that no argument takes and an option's second value, which would be lost.
+
+        A lone number is meant as setting.
+        """
+        ctx.allow_extra_args, given = True, [*args]
         extra: list[str] = super().parse_args(ctx, args)
+        values, _, order = self.make_parser(ctx).parse_args(given)
+        for option in () if ctx.resilient_parsing else order:
+            is_once = not (option.multiple or getattr(option, "is_flag", True))  # arguments are not
+            if is_once and order.count(option) > 1:
+                text, place = "given already; it takes one value", values[option.name]
+                raise ConfigurationError(text, where=Option(option.name, place), code="given-twice")
         if extra and not ctx.resilient_parsing:
             words = " ".join(extra)
             options = {name for param in self.params for name in param.opts}

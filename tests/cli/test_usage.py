@@ -88,6 +88,7 @@ sweep --setting 1 -> nothing to vary
 samples runs --seed -1 -> --seed -1: expected 0 or more #out-of-range
 samples runs --settings 2 --parameters RESULTS --model monotube -> leave --model out
 settings RESULTS --force 900N -> Give --velocity too
+settings RESULTS --velocity 0.1 --velocity 0.2 -> --velocity 0.2: given already #given-twice
 settings RESULTS --velocity 0 -> other than zero
 settings RESULTS --velocity 0.2 --stroke jounce -> expected rebound or compression
 settings RESULTS --force 900kg --velocity 0.2 -> no unit of force
