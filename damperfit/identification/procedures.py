@@ -51,7 +51,7 @@ from damperfit.identification.logs import settled
 from damperfit.identification.options import FitOptions, check_options, shared_names
 from damperfit.identification.outcome import Outcome, Status, attempted
 from damperfit.identification.sharing import GAS_FOLLOWER, Sharing, of_settings, unknown_at
-from damperfit.problem import Failure, Option, Problem, warning
+from damperfit.problem import Failure, Option, Problem, listed_names, warning
 from damperfit.recording import Trace, natural_order
 from damperfit.statistics import CHI_SQUARED_95, chi_squared_quantile
 from damperfit.tested.setting import Setting
@@ -519,15 +519,13 @@ def _plain(given: ProcedureInput) -> Campaign:
     )
     held = {n: value for n, value in defaults.items() if value is not None and n not in free}
     fixed = {**held, **options.fixed}
-    for name in defaults:
-        if name not in {*free, *fixed}:
-            raise ConfigurationError(
-                f"procedure plain: {name} is neither free nor fixed; "
-                f"add it to {{free}} or give {{fix}}.",
-                free=Option("free"),
-                fix=Option("fix", "VALUE", name),
-                code="neither-free-nor-fixed",
-            )
+    if missing := [name for name in defaults if name not in {*free, *fixed}]:
+        raise ConfigurationError(
+            f"{{free}} leaves {listed_names(missing)} without a value; add each, or give {{fix}}",
+            free=Option("free", ",".join(named)),
+            fix=Option("fix", "VALUE", missing[0]),
+            code="neither-free-nor-fixed",
+        )
 
     def fit(setting: Setting) -> tuple[Fit, Search | None]:
         block = given.block(setting, free)
