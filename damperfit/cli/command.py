@@ -239,10 +239,7 @@ class PanelledCommand(TyperCommand):
     """A command whose help has panels."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse words that no argument takes and an option's second value, which would be lost.
-
-        A lone number is meant as setting.
-        """
+        """Refuse a second value of an option, and words that no argument takes."""
         ctx.allow_extra_args, given = True, [*args]
         extra: list[str] = super().parse_args(ctx, args)
         values, _, order = self.make_parser(ctx).parse_args(given)

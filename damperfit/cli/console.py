@@ -449,9 +449,14 @@ def looking_on(*, is_quiet: bool, of_fleet: bool = False, **fields: Any) -> Watc
                 bar.refresh()
                 drawn = time.monotonic() + _APART
 
+    def on_fit(done: Any) -> None:
+        draw("advance")
+        if of_fleet:  # of a fit the library itself records more
+            record(logging.DEBUG, f"{done.owner}: {done.state.value}, {done.n_settings} settings")
+
     return Watch(
         on_start=lambda number: draw("update", total=number, description=title),
-        on_fit=lambda _: draw("advance"),
+        on_fit=on_fit,
         cancelled=stop.is_set,
         during_work=working,
         **fields,

@@ -139,7 +139,12 @@ def prepare(
             "the force was tared between the tests"
         )
         batch.remarks.append(warning("rod-area", text))
-    configuration = _filled_as_tested(configuration, batch)
+    stated = {log.gas_pressure for log in (*batch.traces, *batch.held_out)}
+    if len(stated) == 1 and None not in stated and "gas_pressure" in configuration.undeclared:
+        filled = configuration.with_damper(configuration.damper.filled_to(*stated))
+        configuration = replace(filled, declared=filled.declared | {"damper.gas_pressure"})
+        text = "damper.gas_pressure is that of the logs, which state one and the same"
+        batch.remarks.append(note("gas-pressure", text))
     ours = getattr(configuration.damper, "gas_pressure", math.nan)
     tested = [log.gas_pressure for log in batch.traces if log.gas_pressure is not None]
     if tested and all(abs(pressure / ours - 1.0) > _GAS_OFF for pressure in tested):
@@ -151,20 +156,6 @@ def prepare(
         batch.remarks.append(warning("gas-pressure", text))
     hold_out_transients(batch, options)
     return configuration if is_law_open else with_reference(configuration, batch.traces)
-
-
-def _filled_as_tested(configuration: Configuration, batch: LogBatch) -> Configuration:
-    """Return the configuration with the one gas pressure that all logs state, where it has none."""
-    pressures = {log.gas_pressure for log in (*batch.traces, *batch.held_out)}
-    pressure = pressures.pop() if len(pressures) == 1 else None
-    if pressure is None or "gas_pressure" not in configuration.undeclared:
-        return configuration
-    text = f"damper.gas_pressure is taken from the logs: {1e-5 * pressure:.4g} bar absolute in each"
-    batch.remarks.append(note("gas-pressure", text))
-    return replace(
-        configuration.with_damper(configuration.damper.filled_to(pressure)),
-        declared=configuration.declared | {"damper.gas_pressure"},
-    )
 
 
 def once_each(batch: LogBatch) -> None:
