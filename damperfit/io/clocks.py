@@ -17,6 +17,7 @@ steps is another setting: both divide a record.
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from damperfit.problem import Problem, note, warning
 from damperfit.statistics import median, percentiles
 
 _FEWEST = 50  # rows; of fewer nothing is said
-_CLOCK_BITS = range(12, 33)
+_CLOCK_BITS, _WHOLE_BYTES = range(12, 33), {16, 24, 32}
 _RARE = 0.1  # of its period, the longest step of a clock that rolls over
 _TICKS = (1.0, 1e-3, 1e-6)  # of a clock, in the unit in which it is written
 _BITS = range(8, 33)  # of encoders and converters, the sign perhaps beside them
@@ -52,6 +53,7 @@ _FEWEST_PIECES = 3
 _BLOCKS, _SHORTEST = 400, 10  # of a record, whose medians are its levels; rows of one
 _STEP, _FLAT = 0.2, 0.1  # of the range: a level's least step, and what it may move by itself
 _MOST_LEVELS = 20  # more is a controlled damper
+_STANDS = 0.1  # of the middle half of the motion's rows: what they span in a piece at rest
 _COMMON = 0.5  # of the force that the other channels must have too
 
 
@@ -84,7 +86,8 @@ def _unrolled(samples: Samples) -> Samples:
     bits, period = (0, 0.0) if time is None else _clock_period(time)
     if time is not None and bits:
         jumps = np.flatnonzero(np.diff(time) < 0.0)
-        runs_on = [_runs_on(samples.channels["displacement"], int(i)) for i in jumps]
+        x, may_stand = samples.channels["displacement"], bits in _WHOLE_BYTES
+        runs_on = [_runs_on(x, int(i), may_stand=may_stand) for i in jumps]
         if 2 * sum(runs_on) > len(jumps):  # or a test begins where the time goes back
             time = time + period * np.searchsorted(jumps, np.arange(len(time)))
             samples = _with(samples, _rolled("time: a clock", bits, len(jumps)), time=time)
@@ -205,13 +208,17 @@ def _unset(samples: Samples, unit: float) -> Samples:
     return _with(samples, finding, time=time)
 
 
-def _runs_on(x: FloatArray, i: int) -> bool:
-    """Say whether the step of a motion from row i to the next is like its neighbours."""
+def _runs_on(x: FloatArray, i: int, *, may_stand: bool = False) -> bool:
+    """Say whether the step of a motion from row i to the next is like its neighbours.
+
+    Where it stands or turns it shows nothing, which is enough with ``may_stand``.
+    """
     nearby = np.diff(x[max(i - 5, 0) : i + 7])
     at = min(i, 5)
     neighbours = np.delete(nearby, at)
     speed, noise = median(neighbours), 2.0 * float(np.std(neighbours))
-    return abs(speed) > noise and abs(nearby[at] - speed) <= _LIKE * abs(speed) + noise
+    is_like = abs(nearby[at] - speed) <= _LIKE * abs(speed) + noise
+    return is_like and (may_stand or abs(speed) > noise)
 
 
 def _unheld(samples: Samples) -> Samples:
@@ -277,10 +284,11 @@ def buffer_ends(time: FloatArray) -> list[int]:
     return late.tolist() if is_steady and len(time) - 1 - late[-1] <= pieces[0] else []
 
 
-def steps_of_level(values: FloatArray) -> tuple[list[int], list[float]]:
+def steps_of_level(values: FloatArray, x: FloatArray) -> tuple[list[int], list[float]]:
     """Return the rows before which a signal steps to another level, and its levels; none elsewhere.
 
-    A signal that drifts, swings or is noise has none.
+    A signal that drifts, swings or is noise has none. Levels at which the motion x stands are none
+    of a test: a trigger, or a current that is off before and after it.
     """
     size = max(_SHORTEST, len(values) // _BLOCKS)
     n_blocks = len(values) // size
@@ -298,7 +306,15 @@ def steps_of_level(values: FloatArray) -> tuple[list[int], list[float]]:
     if not 0 < len(jumps) < _MOST_LEVELS or max(map(np.ptp, inner)) > _FLAT * span:
         return [], []
     starts = [int(k + np.argmax(np.abs(np.diff(values[k : k + 3 * size])))) for k in jumps * size]
-    return [start + 1 for start in starts], [float(median(piece)) for piece in pieces]
+    edges = [0, *(start + 1 for start in starts), len(values)]
+    levels = [float(median(piece)) for piece in pieces]
+    widths = [float(np.ptp(percentiles(x[i:stop], 25.0, 75.0))) for i, stop in pairwise(edges)]
+    kept: list[int] = []
+    for k, width in enumerate(widths):
+        is_other = not kept or abs(levels[k] - levels[kept[-1]]) > _FLAT * span
+        if width > _STANDS * max(widths) and is_other:
+            kept.append(k)
+    return [edges[k] for k in kept[1:]], [levels[k] for k in kept]
 
 
 # One clock for all.

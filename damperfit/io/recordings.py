@@ -56,7 +56,7 @@ _CYCLES = 3  # in a piece between two pauses, the least that are evaluated
 _CURRENTS = re.compile(  # or voltages, by name or unit
     r"(?i:current|strom|courant|corrente|corriente|voltage|spannung)|[\s_(\[]m?[AV][)\]]?$"
 )
-_MOST_VALVES = 3  # columns that are looked at
+_MOST_VALVES = 8  # columns that are looked at
 _RAW = 0.5  # correlation with the force, from which on a voltage is that of a load cell
 _RATE_KEYS = ("sampling rate", "sample rate", "sampling frequency", "sample frequency")
 
@@ -176,7 +176,7 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
     choices, notes = choose_channels(
         table.columns, options, needs_time=rate == 0.0, hint=table.hint
     )
-    samples = _loaded(table, choices, options)
+    samples = _loaded(table, choices)
     if not options.needs_force:
         motion = samples.channels["displacement"]
         samples = replace(samples, channels={"force": np.zeros_like(motion), **samples.channels})
@@ -262,21 +262,24 @@ def _tests_in(  # noqa: C901, PLR0912, PLR0915  # one table from its columns to 
     return tests
 
 
-def _loaded(table: Table, choices: Mapping[str, ChannelChoice], options: ReadOptions) -> Samples:
+def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> Samples:
     """Return the channels as logged, and what may be a valve's current by its column's name."""
     indices = {channel: choice.column for channel, choice in choices.items()}
     valves = [
         i
         for i, column in enumerate(table.columns)
         if i not in indices.values()
-        and options.bad_rows != "drop"  # or rows without a current
         and _CURRENTS.search(f"{column.name} {column.unit or ''}".rstrip())
     ]
     currents = {f"{_CURRENT}{visible(table.columns[i].name)}": i for i in valves[:_MOST_VALVES]}
     samples = None
     with suppress(LogError):
         samples = table.load({**indices, **currents})
-    samples = samples or table.load(indices)
+    if samples is None or (currents and samples.findings):
+        without = table.load(indices)  # a row without a current is not one to drop
+        n_rows = len(without.channels["displacement"])
+        if samples is None or len(samples.channels["displacement"]) < n_rows:
+            samples = without
     clock = choices.get("time")
     units = {name: choice.unit for name, choice in choices.items() if name.startswith(OWN_TIME)}
     if units and clock is not None and clock.unit is not None:
@@ -381,7 +384,7 @@ def _cut_at_levels(
     currents = [channel for channel in samples.channels if channel.startswith(_CURRENT)]
     for name in currents:
         values, force = samples.channels[name], samples.channels["force"]
-        starts, levels = steps_of_level(values)
+        starts, levels = steps_of_level(values, samples.channels["displacement"])
         if starts and np.ptp(force) > 0.0 and abs(np.corrcoef(values, force)[0, 1]) < _RAW:
             break
     else:
