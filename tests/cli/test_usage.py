@@ -64,6 +64,7 @@ identify LOG --start k_e=1e9,K_e=2e9 -> --start k_e=2e9: k_e is given twice
 identify LOG --start a --start b -> --start b: a is given already
 identify LOG --start k_e=1e99 -> far from any damper's #implausible
 identify LOG --start f_0=5 -> --start: f_0 is given a start but is not
+identify LOG --model twin_tube --free k_e -> --free k_e leaves rebound_bleed
 inspect LOG --log-file folder -> --log-file folder: cannot be written
 models LOG --start rebound_openning=5bar -> Did you mean 'rebound_opening'?
 fleet LOG --out text/x -> --out text/x: cannot be written: text is not a folder
