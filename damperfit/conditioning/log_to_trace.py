@@ -150,7 +150,7 @@ def _trace(recording: Recording, options: ConditionOptions, delay: float) -> _Tr
         temperature = mean_of(recording.temperature[rows])
     declared = (
         f"filtered in the rig as declared ({options.rig_filter}, {options.rig_filter_corner:g} Hz, "
-        f"order {options.rig_filter_order}); no filter of our own"
+        f"order {options.rig_filter_order}); no filter of our own on the force"
     )
     inside = range(keep.start + 1, keep.stop - 1)
     bridged = tuple(at - keep.start for at in seen.model_filter.bridged if at in inside)
@@ -181,8 +181,8 @@ def _driven(
 ) -> tuple[FilteredLog, Drive]:
     """What drives the model over a part of the log: lines, where its motion is straight."""
     drive = make_drive(seen, parts, options)
-    if options.filter != "zero_phase":
-        return seen, drive
+    if options.rig_filter != "none" or options.filter != "zero_phase":
+        return seen, drive  # the force of a rig's filter is not filtered again
     if drive.displacement is seen.displacement:
         at = unclear_turns(drive, seen.log, [part.segment for part in parts])
     else:

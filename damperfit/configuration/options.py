@@ -434,7 +434,7 @@ def _fit_options(
         free=fit["free"] or None,
         fixed=in_si("fix"),
         start=GivenStart(in_si("start_values")),
-        share=_with_beta(damper, fit["share"], {*fit["free"], *fit["fix"]}) or None,
+        share=_shared(damper, fit["share"], {*fit["free"], *fit["fix"]}),
         follows=followed(adjusters, damper, is_law_open=is_open),
         from_closed=tuple(name for name, word in counted if word == _CLOSED),
         solver=SolverOptions(tolerance=fit["tolerance"], dead_band=fit["dead_band"]),
@@ -470,9 +470,13 @@ def facts_of_damper(damper: Model, chosen: Collection[str]) -> dict[str, Any]:
     return {"gas": gas, "offset": offset, "chamber_lengths": lengths, "has_free_k_e": is_free}
 
 
-def _with_beta(damper: Model, names: tuple[str, ...], chosen: Collection[str]) -> tuple[str, ...]:
-    """Return the shared quantities, with that of temperature, which belongs to the damper."""
-    is_declared = BETA.name in {*names, *chosen} or names in {(), (DETECT,)}
+def _shared(
+    damper: Model, names: tuple[str, ...], chosen: Collection[str]
+) -> tuple[str, ...] | None:
+    """Return the shared quantities, with that of temperature; none of a network: by scope."""
+    if not names and "paper" not in damper.procedures:
+        return None
+    is_declared = BETA.name in {*names, *chosen} or names == (DETECT,)
     return names if is_declared or not isinstance(damper, WithTemperature) else (*names, BETA.name)
 
 

@@ -100,6 +100,11 @@ class FitOptions:
         """Whether nobody has named what a joint fit shares."""
         return self.share is None or self.is_detecting
 
+    def detects(self, adjusters: Sequence[str]) -> bool:
+        """Whether the logs show which of these adjusters moves what."""
+        # Of several that is not known; that the only one moves each valve is.
+        return self.is_detecting or (self.share is None and len(adjusters) > 1)
+
     def fallback(self, quantity: Quantity) -> float | None:
         """Return what to take for a quantity that no log fixes; None: nothing is known of it."""
         return self.fallbacks.get(quantity.name, quantity.fallback)

@@ -640,8 +640,7 @@ def _sharing_of(given: ProcedureInput) -> tuple[Sharing | None, tuple[str, ...]]
     both = (name for name in wanted if damper.quantity(name).is_shared)
     moving = given.ordered({*(options.free or wanted), *options.follows, *both})
     adjusters = min(given.settings).adjusters
-    # Which of several adjusters moves a valve is left open; that the only one does is not.
-    if not options.follows and (options.is_detecting or len(adjusters) > 1):
+    if not options.follows and options.detects(adjusters):
         return None, moving
     return declared_sharing(damper, moving, options.follows, adjusters, options.untied), moving
 

@@ -316,7 +316,8 @@ def with_reference(configuration: Configuration, traces: Sequence[Trace]) -> Con
             "there: take procedure joint, with one beta for all settings, or leave the option out",
             "other-procedure",
         )
-    is_open = BETA.name in options.fixed or options.is_detecting or bool(options.follows)
+    adjusters = next((trace.setting.adjusters for trace in traces if trace.setting), ())
+    is_open = BETA.name in options.fixed or bool(options.follows) or options.detects(adjusters)
     is_own = {*(options.share or ()), *options.fixed}.isdisjoint(damper.viscous)
     if options.procedure == "joint" and len(alone) == len(by_setting) and is_own and not is_open:
         raise _no_temperature(

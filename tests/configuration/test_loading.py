@@ -41,6 +41,7 @@ def test_the_defaults_are_those_of_the_libraries_below() -> None:
     share = shared_names(FitOptions(), damper)
     known = {one.name: one.fallback for one in damper.quantities if one.fallback is not None}
     assert settings.identification == replace(FitOptions(), share=share, fallbacks=known)
+    assert load_configuration(overlay={"identification": {"share": []}}).identification.share == ()
     assert settings.simulation.solver == SolverOptions()
     assert settings.conditioning == ConditionOptions(
         chamber_lengths=(damper.chamber_1_length, damper.chamber_2_length),

@@ -65,8 +65,8 @@ def known_at(setting: int, temperature: float):
     return TRUTH.at_reference(TRUTH.values({**own, "beta": BETA}), temperature)
 
 
-def asked_for(text: str, **identification):
-    damper = {"damper": {"reference_temperature": text}}
+def asked_for(text: str, model: str = "purdy", **identification):
+    damper = {"damper": {"reference_temperature": text, "model": model}}
     return load_configuration(overlay=damper | {"identification": identification})
 
 
@@ -85,7 +85,8 @@ FREE = {"procedure": "plain", "free": [*OWN, "beta"]}
 SHARED = {"procedure": "joint", "free": OWN, "share": ["beta"]}
 HELD = SHARED | {"free": ["r_m1", "r_m2", "k_e", "f_f"], "fix": {"r_m3": 2.6e6}}
 GIVEN = {"procedure": "plain", "free": ["r_m1", "r_m2", "k_e"], "fix": {"beta": 0.012}}
-BOTH = ((1, COLD), (1, WARM))
+BOTH, VALVES = ((1, COLD), (1, WARM)), {"model": "through_flow"}
+BY_TWO = [Setting((("compression", 2), ("rebound", place))) for place in (1, 3)]
 
 
 @pytest.mark.parametrize(
@@ -101,10 +102,14 @@ BOTH = ((1, COLD), (1, WARM))
         (SHARED, (*BOTH, (10, WARM)), ""),
         (HELD, ((1, COLD), (10, WARM)), ""),
         (GIVEN, ((1, COLD), (10, WARM)), ""),
+        # Valves are their own to clicks of one adjuster, not to those of several.
+        (VALVES, ((1, COLD), (10, WARM)), "rebound_slope and compression_slope"),
+        (VALVES, ((BY_TWO[0], COLD), (BY_TWO[1], WARM)), ""),
     ],
 )
 def test_logs_that_do_not_tell_what_temperature_does_are_refused(how, logs, says) -> None:
-    traces = [replace(log(setting, COLD), temperature=warmth) for setting, warmth in logs]
+    settings = [(Setting.of(label), warmth) for label, warmth in logs]
+    traces = [replace(log(1, COLD), setting=s, temperature=warmth) for s, warmth in settings]
     if not says:
         assert with_reference(asked_for("mean", **how), traces).damper.reference > COLD
         return
