@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -143,7 +144,7 @@ def test_page_markdown_json_and_tables_are_written_as_a_set(run, campaigns) -> N
     comparisons = json.loads(Path("out/comparison.json").read_text())["comparisons"]
     assert len(comparisons) == 2
     for sentence in comparisons[0]["sentences"]:
-        assert sentence in page
+        assert sentence in unescape(page)
         assert sentence.split(" (")[0] in markdown
     for setting in SETTINGS:
         for kind in ("velocity", "displacement"):
