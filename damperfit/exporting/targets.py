@@ -59,6 +59,7 @@ _HALVED = 6  # times, between two points
 _MISS, _LEAST_MISS = 3e-3, 0.1  # of the force, and N
 _FARTHEST = 5.0  # times the tested speed; the model says little of the damper beyond
 _GAS_POINTS = 13
+_SHOWN = {"N/m": (1e-3, " N/mm"), "m": (1e3, " mm"), "s": (1e3, " ms")}  # play of 0.2 mm
 _REBOUND = "velocity in m/s and force in N are positive in rebound; displacement in m likewise"
 _SIGN = "forces, displacement and velocity are positive in rebound (rod out)"
 _OF_PAPER = ("r_m1", "r_m2", "r_m3", "k_e", "f_f")
@@ -423,7 +424,7 @@ def taken_out(run: ExportedRun) -> str:
         numbers = [fit.values[name] for fit in run.settings if name in fit.values.names]
         is_tare = quantity.is_offset and run.damper.rest_force(0.0) is not None
         if any(numbers) and (is_tare or quantity.scope == RIG):
-            factor, unit = quantity.shown
+            factor, unit = _SHOWN.get(quantity.unit, quantity.shown)
             limits = min(numbers), max(numbers)
             texts = dict.fromkeys(f"{factor * limit:.4g}" for limit in limits)
             label = "tare of the rig" if is_tare else quantity.label
