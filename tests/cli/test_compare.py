@@ -96,6 +96,14 @@ def test_measured_curves_are_compared_without_a_model(run, raw, campaigns, form)
     assert 5.0 < line["percent_ci_low"] < line["percent_ci_high"] < 10.0  # between R and R squared
 
 
+def test_repeats_of_the_reference_are_named(run, campaigns) -> None:
+    found = pair(
+        run, *map(campaigns.joinpath, ("before", "after")), "--repeats", campaigns / "again"
+    )
+    assert [repeat["name"] for repeat in found["repeats"]] == ["again"]
+    assert "2 runs, 1 degree of freedom" in found["notes"][0]
+
+
 def test_a_gate_that_is_missed_ends_with_code_4(run, campaigns) -> None:
     before, after = campaigns / "before", campaigns / "after"
     points = compared(run, before, after, "--tolerance", "2%", "--junit", "j.xml", code=4)["points"]
