@@ -31,6 +31,7 @@ _SPECIAL = re.compile(r"([\\`*\[\]<>#|~&$@]|(?<![^\W_])_|_(?![^\W_]))")
 _LIST = re.compile(r"^(\d*)([-+.)])(?=\s|$|\2)")
 # Nearly all cells of a table: words and numbers in which there is nothing to escape.
 _PLAIN = re.compile(r"[0-9A-Za-z]+(?:\.[0-9A-Za-z]+)*")
+_LONG = 1e9  # nobody reads more digits
 _UNEVEN, _LEAST = 1.25, 0.1
 _ROUNDING = 1e-9  # of a value: a narrower interval is that of logs without noise
 _TWO_DIGITS = 19  # an error of these digits or fewer shows two of them, another one
@@ -316,6 +317,8 @@ def with_interval(
     step = 10.0**place
 
     def rounded(x: float, plus: str = "") -> str:
+        if abs(x) >= _LONG:  # an error that grows without limit beyond the tested speeds
+            return f"{x:{plus}.1e}"
         return f"{round(x / step) * step + 0.0:{plus}.{max(0, -place)}f}"
 
     if is_even and larger - smaller <= step:

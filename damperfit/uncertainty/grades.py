@@ -780,8 +780,8 @@ def _noise(trace: Trace, rest: FloatArray, elsewhere: float) -> float:
         for segment, place in zip(trace.segments, trace.places, strict=True)
     )
     variance = float(np.var(trace.force[trace.compared]))
-    percent = 100.0 * scatter / trace.n_samples / variance
-    return 0.0 if math.isnan(percent) else percent  # of a single cycle
+    percent = 100.0 * scatter / trace.n_samples / variance if variance else math.nan
+    return 0.0 if math.isnan(percent) else percent  # of a single cycle, or of a constant force
 
 
 def _tested(trace: Trace) -> NDArray[np.bool_]:
