@@ -53,9 +53,12 @@ _CLOSEST = 1e-9  # s from sample to sample
 _CURRENT = "valve by column "
 _SINCE_1970 = 3e8  # s; so much no rig runs: the time is a date
 _CYCLES = 3  # in a piece between two pauses, the least that are evaluated
-_CURRENTS = re.compile(  # or voltages, by name or unit
-    r"(?i:current|strom|courant|corrente|corriente|voltage|spannung)|[\s_(\[]m?[AV][)\]]?$"
+_CURRENTS = re.compile(  # or voltages
+    r"(?i)current|strom|courant|corrente|corriente|voltage|spannung|valve|ventil|solenoid|magnet"
 )
+_BY_UNIT = re.compile(r"[_(\[]m?[AV][)\]]?$")  # at the end of a column's name
+_MACHINE = re.compile(r"(?i)trig|enable|sync|set.?point|command|demand|soll|motor|drive|supply")
+_OTHER_MOTION = 1.1  # times the mean speed
 _MOST_VALVES = 8  # columns that are looked at
 _RAW = 0.5  # correlation with the force, from which on a voltage is that of a load cell
 _RATE_KEYS = ("sampling rate", "sample rate", "sampling frequency", "sample frequency")
@@ -269,7 +272,11 @@ def _loaded(table: Table, choices: Mapping[str, ChannelChoice]) -> Samples:
         i
         for i, column in enumerate(table.columns)
         if i not in indices.values()
-        and _CURRENTS.search(f"{column.name} {column.unit or ''}".rstrip())
+        and (
+            _CURRENTS.search(column.name)
+            or _BY_UNIT.search(column.name)
+            or column.unit in {"A", "mA", "V"}
+        )
     ]
     currents = {f"{_CURRENT}{visible(table.columns[i].name)}": i for i in valves[:_MOST_VALVES]}
     samples = None
@@ -382,10 +389,16 @@ def _cut_at_levels(
 ) -> tuple[list[tuple[int, int]], tuple[Problem, ...]]:
     """Return a test cut where the current of a valve steps to another setting, and the finding."""
     currents = [channel for channel in samples.channels if channel.startswith(_CURRENT)]
+    x, force = samples.channels["displacement"], samples.channels["force"]
     for name in currents:
-        values, force = samples.channels[name], samples.channels["force"]
-        starts, levels = steps_of_level(values, samples.channels["displacement"])
-        if starts and np.ptp(force) > 0.0 and abs(np.corrcoef(values, force)[0, 1]) < _RAW:
+        values, column = samples.channels[name], name.removeprefix(_CURRENT)
+        starts, levels = steps_of_level(values, x)
+        speeds = [float(np.mean(np.abs(np.diff(part)))) for part in np.split(x, starts)]
+        # What steps with the motion is what the machine was told, unless its name says otherwise.
+        is_of_machine = _MACHINE.search(column) or max(speeds) > _OTHER_MOTION * min(speeds)
+        if not starts or (is_of_machine and not _CURRENTS.search(column)):
+            continue
+        if np.ptp(force) > 0.0 and abs(np.corrcoef(values, force)[0, 1]) < _RAW:
             break
     else:
         return [(first, stop)], ()

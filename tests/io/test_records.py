@@ -537,6 +537,14 @@ def test_pieces_between_the_pauses_of_a_logger(put, piece) -> None:
     assert len(read_logs(path, ReadOptions(pause=1.0))) == 1
 
 
+@pytest.mark.parametrize(("name", "parts"), [("out [V]", 1), ("Valve current (A)", 2)])
+def test_what_steps_with_the_motion_is_no_setting(put, name, parts) -> None:
+    """A stepped amplitude beside its set point in volts was cut into tests without a setting."""
+    step = np.where(np.arange(N) < N // 2, 1.0, 2.0)
+    rows = (f"{t},{x},{f},{c}" for t, x, f, c in zip(TIME, step * X, F, step, strict=True))
+    assert len(read_logs(put("\n".join([f"{NAMES},{name}", *rows]) + "\n", "log.csv"))) == parts
+
+
 @pytest.mark.parametrize(
     ("current", "samples"),
     [
