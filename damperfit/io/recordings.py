@@ -393,10 +393,12 @@ def _cut_at_levels(
     for name in currents:
         values, column = samples.channels[name], name.removeprefix(_CURRENT)
         starts, levels = steps_of_level(values, x)
+        if not starts:
+            continue
         speeds = [float(np.mean(np.abs(np.diff(part)))) for part in np.split(x, starts)]
         # What steps with the motion is what the machine was told, unless its name says otherwise.
         is_of_machine = _MACHINE.search(column) or max(speeds) > _OTHER_MOTION * min(speeds)
-        if not starts or (is_of_machine and not _CURRENTS.search(column)):
+        if is_of_machine and not _CURRENTS.search(column):
             continue
         if np.ptp(force) > 0.0 and abs(np.corrcoef(values, force)[0, 1]) < _RAW:
             break

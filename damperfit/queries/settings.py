@@ -344,15 +344,11 @@ def _wanted(
         )
     lines = [line for line in lines_of(settings) if len(line.settings) > 1]
     if not lines:
-        of_letters = [s for s in settings if len(s.evident) > len(s.places)]
-        undeclared = (
-            f"; {min(of_letters)} is a word until [adjusters] is declared (damperfit init LOGS "
-            "writes it)"
-        )
+        word = min((s for s in settings if len(s.evident) > len(s.places)), default=None)
+        undeclared = f"; {word} is a word until [adjusters] is declared (damperfit init writes it)"
         raise ConfigurationError(
             "no two settings differ in the clicks of one adjuster alone"
-            f"{undeclared if of_letters else ''}; {{velocity}} without {{force}} shows the forces "
-            "of all",
+            f"{undeclared if word else ''}; {{velocity}} without {{force}} shows the forces of all",
             velocity=Option("velocity"),
             force=Option("force"),
             code="one-setting",

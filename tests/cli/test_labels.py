@@ -120,3 +120,16 @@ def test_a_configured_serial_against_the_log_is_an_error(bodies, run, tmp_path):
     ended = run("identify", tmp_path / "a.csv", "--config", tmp_path / "c.toml")
     assert ended.code == 2
     assert "test.serial: found '13', but a.csv is of serial '12'" in ended.err
+
+
+@pytest.mark.parametrize(("words", "is_offered"), [("soft hard", False), ("R2_C2 R8_C8", True)])
+def test_words_are_no_clicks(run, logs, tmp_path, words, is_offered) -> None:
+    """Of words without numbers this was an internal error."""
+    for k, word in enumerate(words.split(), 1):
+        text = (logs / f"setting_0{k}.csv").read_text(encoding="utf-8")
+        changed = text.replace(f"# setting: {k}", f"# setting: {word.replace('_', ' ')}")
+        (tmp_path / f"{k}.csv").write_text(changed, encoding="utf-8")
+    assert run("identify", "1.csv", "2.csv", "--quiet").code in {0, 1}
+    ended = run("settings", "--force", "500N", "--velocity", "0.2m/s")
+    assert ended.code == 2
+    assert ("[adjusters]" in ended.err) is is_offered
